@@ -14,10 +14,8 @@ from typing import Any, Generic, TypeVar
 from unittest.mock import patch
 
 from imocap_core.errors import WorkFailed
-from imocap_core.executors.perform import perform
 from imocap_core.executors.processes import THREADS, worker_processes
-from imocap_core.executors.serial import Serial
-from imocap_core.executors.task import Report, Task
+from imocap_core.executors.tasks import Report, Serial, Task, perform
 from imocap_core.pipeline.runner import Display, Outcome
 
 Result = TypeVar("Result")

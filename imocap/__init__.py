@@ -22,9 +22,9 @@ a function loads what it needs.
 from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
+from imocap_core.diagnostics.findings import Finding, Verdict
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
-from imocap_core.library.collecting import CollectedAction, collect
-from imocap_core.library.new_action import init_action
+from imocap_core.library.new_action import CollectedAction, collect, init_action
 from imocap_core.library.outputs import (
     ActionComparison,
     ExportOptions,
@@ -36,17 +36,22 @@ from imocap_core.library.outputs import (
 )
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
-from imocap_core.library.pulling import Pulled, pull
-from imocap_core.library.pushing import PushedAction, push
+from imocap_core.library.push_pull import Pulled, PushedAction, pull, push
 from imocap_core.library.result import Result, load
 from imocap_core.library.run_all import ActionEnd, ExecutorChoice, run_all
 from imocap_core.library.running import Run, run, run_stage
 from imocap_core.library.status import Explanation, explain, status
 from imocap_core.library.synchronising import synchronise
-from imocap_core.result.camera import VideoCamera
-from imocap_core.result.synchronisation import FrameMatches, Synchronisation, VideoSync
-from imocap_core.result.video import HandMotion, JointUncertainty, VideoMoment, VideoResult
-from imocap_core.verdict.findings import Finding, Verdict
+from imocap_core.result.video import (
+    FrameMatches,
+    HandMotion,
+    JointUncertainty,
+    Synchronisation,
+    VideoCamera,
+    VideoMoment,
+    VideoResult,
+    VideoSync,
+)
 from imocap_core.version import __version__ as __version__
 
 __all__ = [

@@ -1,16 +1,22 @@
-"""Procrustes alignment of point sets: rigid or similarity, weighted, batched, ignoring NaN.
+"""Procrustes alignment of point sets, weighted, batched; a rotation at a local minimum.
+
+Procrustes alignment of point sets: rigid or similarity, weighted, batched, ignoring NaN.
 
 Points that are NaN in either set, or whose weight is zero, are ignored. Directions are in the
 names: ``R_target_from_source`` rotates vectors from the axes of ``source`` to those of ``target``.
+
+A rotation at a local minimum of a residual, by coordinate search (pattern search).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 MIN_POINTS = 3
 """Fewer points than this leave a rotation undetermined; such an alignment is all NaN."""
@@ -109,3 +115,29 @@ def _usable(
     if (w < 0).any():
         raise ValueError(f"weights must not be negative, got {w.min()}")
     return np.where(usable[..., None], x, 0.0), np.where(usable[..., None], y, 0.0), w
+
+
+LEAST_GAIN = 1e-9
+
+
+def refined_rotation(
+    R: Float[np.ndarray, "3 3"],
+    residuals: Callable[[Float[np.ndarray, "D 3 3"]], Float[np.ndarray, " D"]],
+    steps_deg: Sequence[float],
+) -> tuple[Float[np.ndarray, "3 3"], float]:
+    """The rotation to which turns about the six half axes lead, and its residual.
+
+    Args:
+        residuals: of some rotations at once. steps_deg: angles of the turns, one after another.
+    """
+    least = float(residuals(R[None])[0])
+    for step_deg in steps_deg:
+        vectors = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(step_deg)
+        turns = Rotation.from_rotvec(vectors).as_matrix()
+        while True:
+            near = turns @ R
+            values = residuals(near)
+            if values.min() >= least - LEAST_GAIN:
+                break
+            R, least = near[values.argmin()], float(values.min())
+    return R, least

@@ -1,4 +1,6 @@
-"""Thread count and memory allocator of this process, set only where a run begins.
+"""This process: threads, allocator, limit on memory, largest resident memory, device, signals.
+
+Thread count and memory allocator of this process, set only where a run begins.
 
 PyTorch, OpenCV and the linear algebra of NumPy and SciPy get one thread. The solver's blocks (75 to
 150 unknowns) are too small to benefit from multithreaded linear algebra; the solver uses one thread
@@ -10,15 +12,30 @@ tracked at once: its own threads took a fifth of that stage's processor time.
 Freed memory is reused for new arrays. The solver allocates and frees arrays of megabytes all the
 time; by default glibc returns each to the system, which provides it again page by page, filled with
 zeros: this took a tenth of a fit's processor time. Other systems' libraries are not changed.
+
+A limit on the memory of this process.
+
+The largest resident memory of this process: of a stage, where the system can count anew.
+
+The device that a run's tensors are computed on: the processor, or a CUDA device.
+
+Ctrl-C and SIGTERM end a command as an error does: drafts are removed, processes are ended.
 """
 
 from __future__ import annotations
 
 import ctypes
 import mmap
+import re
+import signal
 import sys
-from contextlib import suppress
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
+
+from imocap_core.errors import Stopped, WrongUse
 
 STATM, LARGE_BYTES = Path("/proc/self/statm"), 800e6
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # mallopt(3)
@@ -62,3 +79,109 @@ def keep_freed_memory() -> bool:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     options = ((TRIM_THRESHOLD, NEVER), (MMAP_THRESHOLD, LARGEST), (ARENA_MAX, 1))
     return mallopt is not None and all(mallopt(*option) == 1 for option in options)
+
+
+SUFFIXES = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:I?B)?", re.IGNORECASE)
+LEAST_BYTES = 2**29  # importing PyTorch alone takes a good part of it
+
+
+def memory_size(text: str) -> int:
+    """Bytes of a size such as 4G, 1500M or 2.5GiB (powers of 1024).
+
+    WrongUse when it is none, or below 512M.
+    """
+    match = SIZE.fullmatch(text.strip())
+    if match is None:
+        raise WrongUse(f"expected a size of memory such as 4G or 1500M, got {text!r}")
+    size = int(float(match[1]) * SUFFIXES[match[2].upper()])
+    if size < LEAST_BYTES:
+        raise WrongUse(f"a worker needs at least 512M of memory, got {text}")
+    return size
+
+
+def can_limit_memory() -> bool:
+    """Whether `limit_memory` has an effect here: on Linux."""
+    return sys.platform == "linux"
+
+
+def limit_memory(most_bytes: int) -> None:
+    """Let allocations beyond a number of bytes fail (MemoryError) instead of taking the memory of
+    other processes."""
+    import resource
+
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = most_bytes if hard == resource.RLIM_INFINITY else min(most_bytes, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+
+
+STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+RESET_PEAK = "5"  # proc(5)
+
+
+def restart_peak() -> None:
+    """Count anew from now on; elsewhere than on Linux, the peak stays that since the start."""
+    with suppress(OSError):
+        CLEAR.write_text(RESET_PEAK)
+
+
+def peak_bytes() -> int | None:
+    """The peak since `restart_peak`; None where the system does not tell."""
+    with suppress(OSError):
+        line = re.search(r"VmHWM:\s*(\d+) kB", STATUS.read_text())
+        if line is not None:
+            return 1024 * int(line[1])
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else 1024 * most
+
+
+CPU = "cpu"
+
+
+def check_device(name: str) -> None:
+    """WrongUse where it is no device, or PyTorch has none of that name here.
+
+    name: cpu, cuda, or one of several as cuda:1.
+    """
+    match = re.fullmatch(r"cpu|cuda(?::(\d{1,3}))?", name)
+    if match is None:
+        raise WrongUse(f"device: expected cpu, cuda or cuda:1, got {name!r}")
+    if name == CPU:
+        return
+    import torch
+
+    count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    if int(match[1] or 0) >= count:
+        there = {0: "no CUDA device", 1: "one CUDA device (cuda)"}.get(
+            count, f"CUDA devices cuda:0 to cuda:{count - 1}"
+        )
+        why = "" if torch.version.cuda else ", in a build without CUDA"
+        raise WrongUse(f"device {name}: PyTorch finds {there} here{why}; leave it out to use cpu")
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def stopped_by_signals() -> Iterator[None]:
+    """Raise `Stopped` in the body when one of these signals arrives; a second one ends the process
+    at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        for each in SIGNALS:
+            signal.signal(each, signal.SIG_DFL)
+        raise Stopped(number)
+
+    before = {each: signal.signal(each, stop) for each in SIGNALS}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, signal.SIG_DFL if handler is None else handler)

@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from imocap_core.artifacts.cache import CACHE
 from imocap_core.artifacts.file_memory import load_memory
-from imocap_core.artifacts.links import refuse_links
-from imocap_core.artifacts.open_shared import absolute_url, shared_files
-from imocap_core.artifacts.store import Store
+from imocap_core.artifacts.shared_store import absolute_url, shared_files
+from imocap_core.artifacts.side_files import refuse_links
+from imocap_core.artifacts.store import CACHE, Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
 from imocap_core.pipeline.action import DETECT, Action, find_action, read_action
-from imocap_core.pipeline.device import CPU, check_device
 from imocap_core.pipeline.graph import FILE_NAME as PIPELINE
 from imocap_core.pipeline.graph import Pipeline, read_pipeline, settings
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.source import PROJECT
+from imocap_core.process import CPU, check_device
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Workspace:
         pipeline = self.pipeline()
         chosen = settings(pipeline, declared.params, declared.file, sets)
         if any(video.detected for video in declared.videos):
-            from imocap_core.detect.action import with_detections
+            from imocap_core.detect.detected_action import with_detections
 
             declared = with_detections(declared, chosen.params.detect, self.store)
         return Job(pipeline, self.store, declared, chosen, self.device)
@@ -85,7 +84,7 @@ class Workspace:
             share_detections(job.store, job.action.detected.values())
         if len(job.action.detected) == sum(video.detected for video in job.action.videos):
             return job
-        from imocap_core.detect.action import detect
+        from imocap_core.detect.detected_action import detect
 
         with self.store.lock(job.action.name, display.waiting):
             detect(job.action, job.settings.params.detect, self.store, display)

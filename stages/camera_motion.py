@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from imocap_core.adapters.camera_motion import background_of, camera_of_background, without_pictures
+from imocap_core.adapters.even_moments import camera_at_used_frames, nearest_used
+from imocap_core.adapters.lenses import undistorted_px
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Keypoints,
@@ -16,18 +19,14 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.camera.background import rescaled, track_background
-from imocap_core.camera.motion import CameraMotionEstimate
+from imocap_core.camera.camera_motion import CameraMotionEstimate
+from imocap_core.camera.line_lens import KeptPictures, still_background
 from imocap_core.camera.projection import warp
-from imocap_core.camera.still_background import KeptPictures, still_background
 from imocap_core.cli import stage_main
 from imocap_core.io.colmap import load_colmap
 from imocap_core.io.video import GrayPicture, read_gray
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
-from imocap_core.problem.filmed_background import camera_of_background, without_pictures
-from imocap_core.problem.lenses import undistorted_px
-from imocap_core.problem.moving_camera import background_of
 from imocap_core.workers import cores
 
 MOST_KEPT_BYTES = 64 * 2**20  # grey pictures of one video that are kept from one use to the next

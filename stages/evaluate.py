@@ -17,15 +17,18 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body import load_free_body
 from imocap_core.cli import stage_main
 from imocap_core.evaluate.action_scores import score_action
-from imocap_core.evaluate.results import stage_results
-from imocap_core.evaluate.truth import action_truth, true_positions
-from imocap_core.figures.contact_sheets import sheet_videos
+from imocap_core.evaluate.scoreboard import action_truth, stage_results, true_positions
+from imocap_core.figures.sheets import sheet_videos
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.report.evaluation_figures import draw_contact_sheets, draw_plots
-from imocap_core.report.evaluation_tables import all_scores_table, evaluation_tables
-from imocap_core.report.files import Picture, write_report
-from imocap_core.report.observability_text import write_observability
+from imocap_core.report.evaluation import (
+    all_scores_table,
+    draw_contact_sheets,
+    draw_plots,
+    evaluation_tables,
+)
+from imocap_core.report.table_files import Picture, write_report
+from imocap_core.report.uncertainty_tables import write_observability
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from imocap_core.adapters.hands import hands_of, hands_problem, no_hands
 from imocap_core.artifacts.schemas import CameraMotion, Hands, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.cli import stage_main
-from imocap_core.hands.fit import FittedHands, fit_hands
+from imocap_core.hands.hand_fit import FittedHands, fit_hands
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.hands import hands_of, hands_problem, no_hands
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Hands:

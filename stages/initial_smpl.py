@@ -12,15 +12,14 @@ from collections.abc import Callable
 
 import torch
 
+from imocap_core.adapters.estimates import estimate_of
+from imocap_core.adapters.monocular import SingleVideo, fit_single_video, joined, refits_of_swapped
 from imocap_core.artifacts.schemas import Artifact, CameraMotion, InitialSmpl, Keypoints
 from imocap_core.cli import stage_main
+from imocap_core.motion.gauss_newton import motions_at_once
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver.gauss_newton import motions_at_once
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.estimates import estimate_of
-from imocap_core.problem.single_video import SingleVideo, fit_single_video, joined
-from imocap_core.problem.swapped_sides import refits_of_swapped
 from imocap_core.workers import at_once
 
 

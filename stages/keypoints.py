@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from imocap_core.adapters.detected_people import DetectedVideo, performer_keypoints, tracked_video
+from imocap_core.adapters.estimates import check_estimate
+from imocap_core.adapters.tracked_people import (
+    Faults,
+    choose_performers,
+    left_out_videos,
+    of_usable,
+)
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.cli import stage_main
 from imocap_core.params import KeypointsParams, Params
 from imocap_core.pipeline.action import DETECT, Declaration
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.detected_people import DetectedVideo
-from imocap_core.problem.estimates import check_estimate
-from imocap_core.problem.performer_keypoints import performer_keypoints
-from imocap_core.problem.tracked_people import choose_performers
-from imocap_core.problem.tracked_video import tracked_video
-from imocap_core.problem.usable_videos import Faults, left_out_videos, of_usable
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:

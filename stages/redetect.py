@@ -6,6 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from imocap_core.adapters.joint import problem_of
+from imocap_core.adapters.redetection import (
+    ContradictedVideo,
+    SecondLook,
+    contradicted_videos,
+    redetected,
+)
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -16,19 +23,12 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.cli import stage_main
-from imocap_core.detect.again import LAYOUT, KnownPlaces, look_again
+from imocap_core.detect.detection import set_up
+from imocap_core.detect.detection_again import LAYOUT, KnownPlaces, look_again
 from imocap_core.detect.detectors import detector_of
-from imocap_core.detect.setup import set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.joint import problem_of
-from imocap_core.problem.looked_again import (
-    ContradictedVideo,
-    SecondLook,
-    contradicted_videos,
-    redetected,
-)
 
 NOBODY = "no video was detected by BlazePose, or redetect.enabled is off"
 NOTHING = "no detection contradicts the other videos"

@@ -8,6 +8,18 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.adapters.event import calibrated_round, can_calibrate
+from imocap_core.adapters.ground import with_ground, with_hands_on_ground
+from imocap_core.adapters.hints import hints_of, with_sound
+from imocap_core.adapters.joint import JointProblem, problem_of, shows_one_motion
+from imocap_core.adapters.loop_sync import (
+    LoopSync,
+    with_first_repetitions,
+    with_independent_confidence,
+)
+from imocap_core.adapters.participants import known_mirrors
+from imocap_core.adapters.redetection import is_changed, with_second_look
+from imocap_core.adapters.synchronisation import rates_of_motions, summary_of
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -25,16 +37,6 @@ from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.event import calibrated_round, can_calibrate
-from imocap_core.problem.ground import with_ground, with_hands_on_ground
-from imocap_core.problem.hints import hints_of
-from imocap_core.problem.joint import JointProblem, problem_of, shows_one_motion
-from imocap_core.problem.looked_again import is_changed, with_second_look
-from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
-from imocap_core.problem.loop_sync import LoopSync
-from imocap_core.problem.mirroring import known_mirrors
-from imocap_core.problem.sound import with_sound
-from imocap_core.problem.synchronisation import rates_of_motions, summary_of
 from imocap_core.process import release_freed_memory, release_if_large
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from imocap_core.adapters.ground import with_ground
+from imocap_core.adapters.joint import problem_of
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, SmplBa, Sync
 from imocap_core.cli import stage_main
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.ground import with_ground
-from imocap_core.problem.joint import problem_of
 from imocap_core.process import release_if_large
 
 

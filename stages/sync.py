@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from imocap_core.adapters.hints import event_sound, hints_of, with_one_offset, with_sound
+from imocap_core.adapters.participants import known_mirrors
+from imocap_core.adapters.synchronisation import synchronise_monocular
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync
 from imocap_core.cli import stage_main
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.event_timing import with_one_offset
-from imocap_core.problem.first_sync import synchronise_monocular
-from imocap_core.problem.hints import hints_of
-from imocap_core.problem.mirroring import known_mirrors
-from imocap_core.problem.sound import event_sound, with_sound
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:

@@ -5,6 +5,15 @@ from __future__ import annotations
 
 from functools import partial
 
+from imocap_core.adapters.joint import SolvedGroup, is_one_motion, solved_groups
+from imocap_core.adapters.redetection import with_second_look
+from imocap_core.adapters.uncertainty import (
+    GroupPosterior,
+    anatomical_rotations,
+    lasting_errors_m,
+    leave_one_out_of,
+    uncertainty_of,
+)
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -14,26 +23,16 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.cli import stage_main
 from imocap_core.motion.monocular.fit import Progress
-from imocap_core.motion.posterior.model_error import (
+from imocap_core.motion.motion_posterior import motion_posterior
+from imocap_core.motion.observability import viewpoint_report
+from imocap_core.motion.posterior_noise import (
+    Noise,
     claimed_covariance_m2,
     claimed_rotation_sd,
     claimed_rotations_deg2,
 )
-from imocap_core.motion.posterior.motion_posterior import motion_posterior
-from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.observability import viewpoint_report
 from imocap_core.params import Params, UncertaintyParams
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.looked_again import with_second_look
-from imocap_core.problem.one_motion import is_one_motion
-from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
-from imocap_core.problem.uncertainty import (
-    GroupPosterior,
-    anatomical_rotations,
-    lasting_errors_m,
-    leave_one_out_of,
-    uncertainty_of,
-)
 from imocap_core.process import release_if_large
 
 

@@ -31,7 +31,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.motion",
     "imocap_core.people",
     "imocap_core.pick",
-    "imocap_core.problem",
+    "imocap_core.adapters",
     "imocap_core.render",
     "imocap_core.rotations",
     "imocap_core.report",

@@ -6,11 +6,10 @@ from typing import TypedDict
 
 import numpy as np
 
+from imocap_core.adapters.sync_maps import stored_affinities, stored_maps
 from imocap_core.artifacts.schemas import AffinityBlock, SoftMapBands
-from imocap_core.problem.sync_maps import stored_affinities, stored_maps
-from imocap_core.sync.affinities import Affinities
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.affinity import Affinities
+from imocap_core.sync.maps import BlockMaps, Blocks
 
 
 class StoredMatrix(TypedDict):

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_map
 
-from imocap_core.lifter.weights import load_lifter
+from imocap_core.lifter.lifter_network import load_lifter
 from imocap_core.motion.prior import load_pose_prior
 
 DEVICE = torch.device("cuda", 0)

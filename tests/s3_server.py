@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.artifacts.open_shared import shared_files
+from imocap_core.artifacts.shared_store import shared_files
 
 HAS_S3 = all(importlib.util.find_spec(name) for name in ("s3fs", "moto", "flask"))
 needs_s3 = pytest.mark.skipif(not HAS_S3, reason="needs s3fs and moto's server")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imocap_core.frame_times import (
+from imocap_core.sequences import (
     BRIDGED_S,
     even_moments,
     is_constant_rate,

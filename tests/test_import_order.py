@@ -40,7 +40,11 @@ def named_modules() -> list[str]:
         ("imocap_core.figures", "imocap_core.io", None),
         ("imocap_core.body", "imocap_core.sync", "Each room imports only from those below it"),
         ("imocap_core.rotations", "imocap_core.body", "Each room imports only from those below"),
-        ("imocap_core.sync.pairwise", "imocap_core.sync.warp", "Synchronisation: each subroom"),
+        (
+            "imocap_core.sync.comparable_poses",
+            "imocap_core.sync.warp",
+            "Synchronisation: each subroom",
+        ),
         ("imocap_core.sync", "imocap_core.io", "Pure rooms never import boundary rooms"),
         ("imocap_core.camera", "yaml", "Pure rooms do no input or output of their own"),
         ("imocap_core.artifacts", "stages", "The core never imports the stages"),

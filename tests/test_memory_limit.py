@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from imocap_core.errors import WrongUse
-from imocap_core.memory_limit import memory_size
+from imocap_core.process import memory_size
 
 
 @pytest.mark.parametrize(

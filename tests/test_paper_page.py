@@ -109,7 +109,7 @@ def test_every_file_on_the_page_exists(file: str) -> None:
 
 def test_what_does_not_exist_is_noticed() -> None:
     with pytest.raises(LookupError, match=r"affinity has no gone"):
-        check_row("`sync.pairwise.affinity.gone`", "sync", "tests/sync/test_affinity.py", "–")
+        check_row("`sync.affinity.gone`", "sync", "tests/sync/test_affinity.py", "–")
     with pytest.raises(LookupError, match="no such stage"):
         check_row("`sync.warp.dtw.dtw`", "synchronise", "tests/sync/test_dtw.py", "–")
     with pytest.raises(LookupError, match="no such test"):

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from imocap_core.library.status import Parameter, parameter_table
 from imocap_core.params import Params, SyncParams
-from imocap_core.params.table import Parameter, parameter_table
 from imocap_core.pipeline.graph import read_pipeline, settings
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -4,7 +4,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from imocap_core.viterbi import cheapest_states
+from imocap_core.sequences import cheapest_states
 
 
 def cost(states: tuple[int, ...], first: np.ndarray, steps: np.ndarray) -> float:

@@ -19,14 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.export.characters import as_character
-from imocap_core.export.clips import clip_of
+from imocap_core.export.clips import as_character, clip_of
+from imocap_core.export.export_options import ExportOptions
 from imocap_core.export.formats import export
-from imocap_core.export.options import ExportOptions
 from imocap_core.io.writers.motion_clip import MotionClip
 from imocap_core.library.outputs import result_of
-from imocap_core.result.mean_performance import mean_performance
-from imocap_core.result.video_body import shaped_body
+from imocap_core.result.derived import mean_performance
+from imocap_core.result.video_motion import shaped_body
 from tools.check_in_blender import blender_axes, read_in_blender
 
 READER = Path(__file__).with_name("fbx_usd_joints.py")

@@ -21,7 +21,7 @@ from imocap_core.export.formats import export
 from imocap_core.io.writers.motion_clip import MotionClip
 from imocap_core.library.outputs import result_of
 from imocap_core.result.result import ActionResult
-from imocap_core.result.video_body import shaped_body
+from imocap_core.result.video_motion import shaped_body
 
 READER = Path(__file__).with_name("blender_joints.py")
 

@@ -23,7 +23,7 @@ from jaxtyping import Float
 
 import imocap
 from imocap_core.alignment import similarity
-from imocap_core.io.writers.camera_calibration import CameraCalibration, calib_toml
+from imocap_core.io.writers.text_files import CameraCalibration, calib_toml
 
 TRIANGULATE = """
 import os, sys, tomllib

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from imocap_core.pipeline.allowed_scripts import VARIABLE
+from imocap_core.pipeline.graph import VARIABLE
 from imocap_core.pipeline.source import PROJECT
 
 PATIENCE_S = 120

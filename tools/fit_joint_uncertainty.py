@@ -1,4 +1,4 @@
-"""Fit the model error of `imocap_core/motion/posterior/model_error.py` on training clips:
+"""Fit the model error of `imocap_core/motion/posterior_noise.py` on training clips:
 python -m tools.fit_joint_uncertainty FOLDER
 
 Performances of clips, and one motion resampled, are filmed by four virtual cameras with simulated
@@ -31,18 +31,18 @@ from benchmarks.sync.training_scenes import (
     training_clip,
 )
 from benchmarks.synthetic.frame_sampling import sample_frames
+from imocap_core.adapters.joint import SolvedGroup, solved_groups
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.conventions import EVAL_INDICES
-from imocap_core.evaluate.calibration import joint_errors_mm
-from imocap_core.evaluate.truth import video_truth
+from imocap_core.evaluate.action_scores import joint_errors_mm
+from imocap_core.evaluate.scoreboard import video_truth
 from imocap_core.io.truth import Truth, read_truth
 from imocap_core.metrics.calibration import coverage_error, probability_content
-from imocap_core.metrics.camera import camera_rotation_error_deg
-from imocap_core.motion.posterior.motion_posterior import MotionPosterior, motion_posterior
-from imocap_core.motion.posterior.noise import Noise
+from imocap_core.metrics.trajectory import camera_rotation_error_deg
+from imocap_core.motion.motion_posterior import MotionPosterior, motion_posterior
+from imocap_core.motion.posterior_noise import Noise
 from imocap_core.params import Params
 from imocap_core.pipeline import runner
-from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
 from imocap_core.workspace import Workspace
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -26,7 +26,7 @@ from imocap_core.biomechanics.events import speed_spreads_m_s, speeds_m_s
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.truth import read_truth
 from imocap_core.pipeline import runner
-from imocap_core.result.events import FAST_JOINTS
+from imocap_core.result.video_motion import FAST_JOINTS
 from imocap_core.workspace import Workspace
 from tools.fit_joint_uncertainty import PERFORMED, SEED, STAGES, performed_videos
 

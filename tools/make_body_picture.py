@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from imocap_core.body import Model, load_free_body
-from imocap_core.render.draw import draw_mesh
+from imocap_core.render import draw_mesh
 from imocap_core.rotations import exp
 
 TILE_PX = (264, 330)

@@ -7,8 +7,8 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
+from imocap_core.library.status import Parameter, group_doc, parameter_table
 from imocap_core.params import Params
-from imocap_core.params.table import Parameter, group_doc, parameter_table
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"
 HEAD = """\

@@ -19,7 +19,7 @@ from benchmarks.synthetic.captured_stance import captured_skeleton, neutral_stan
 from benchmarks.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.state import Body
 from imocap_core.process import configure_process
 from imocap_core.rotations import exp, log
 

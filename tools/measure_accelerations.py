@@ -1,7 +1,7 @@
 """Accelerations of joints in real motion: ``python tools/measure_accelerations.py DATA/train/...``.
 
 Student's t in three dimensions, fitted to the accelerations of captured joints by maximum
-likelihood: the constants of `imocap_core.motion.terms.joint_acceleration`.
+likelihood: the constants of `imocap_core.motion.terms.smoothness`.
 """
 
 import argparse

@@ -21,9 +21,8 @@ import imocap
 from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.conventions import SIDES
 from imocap_core.io.truth import VideoTruth, read_truth
-from imocap_core.result.events import video_events
 from imocap_core.result.video import VideoResult
-from imocap_core.result.video_angles import video_angles
+from imocap_core.result.video_motion import video_angles, video_events
 
 NEAR_S = 0.3
 TRUE_UP = "z"

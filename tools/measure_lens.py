@@ -21,12 +21,12 @@ import yaml
 
 from benchmarks.parallel import ActionDisplay, LineDisplay
 from benchmarks.scoring.score import truth_of
+from imocap_core.adapters.relative_motion import paths_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.camera.lens import Lens
-from imocap_core.camera.projection import intrinsics
+from imocap_core.camera.projection import Lens, intrinsics
 from imocap_core.evaluate.action_scores import score_results
-from imocap_core.evaluate.results import AFTER_LOOP, StageResult
+from imocap_core.evaluate.scoreboard import AFTER_LOOP, StageResult
 from imocap_core.io.video import write_h264
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.pipeline import runner
@@ -37,7 +37,6 @@ from imocap_core.pipeline.make_demo import (
     video_id,
     write_keypoints,
 )
-from imocap_core.problem.relative_motion import paths_of
 from imocap_core.synthetic.yoga_clip import (
     LAYOUT,
     SIZE,

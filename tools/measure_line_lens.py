@@ -16,12 +16,17 @@ import numpy as np
 
 from benchmarks.synthetic.furniture import furniture
 from benchmarks.synthetic.large_room import large_room
-from imocap_core.camera.line_lens import centred_lens, lens_from_lines
+from imocap_core.camera.line_lens import (
+    KeptPictures,
+    StillBackground,
+    centred_lens,
+    lens_from_lines,
+    still_background,
+)
 from imocap_core.camera.projection import intrinsics
-from imocap_core.camera.still_background import KeptPictures, StillBackground, still_background
 from imocap_core.io.video import probe, read_gray
 from imocap_core.synthetic.cameras import look_at
-from imocap_core.synthetic.scene import raycast, room
+from imocap_core.synthetic.rooms import raycast, room
 
 SIZE, LARGER, WORKING = (900, 506), 1280, 640
 DISTORTIONS = (0.0, -0.045, -0.06, -0.08, -0.1, -0.128)  # 0, 5, 7, 10, 14 and 25 % of the corner

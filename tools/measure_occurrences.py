@@ -22,14 +22,11 @@ from jaxtyping import Float, Int
 from benchmarks.actions.captured import PLACEMENTS, SIZE, trial_videos
 from benchmarks.screening.casts import detected
 from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
-from imocap_core.collect.features import RATES, part_of, samples_of
-from imocap_core.collect.film_tracks import FilmTracks
-from imocap_core.collect.further_examples import by_further_examples, matches_of_all, threshold
-from imocap_core.collect.matching import Match, template_of
-from imocap_core.collect.tracks import ShotTrack
+from imocap_core.collect.films import ShotTrack
+from imocap_core.collect.matching import RATES, FilmTracks, Match, part_of, samples_of, template_of
+from imocap_core.collect.movement import by_further_examples, matches_of_all, threshold
 from imocap_core.lifter.infer import lift
-from imocap_core.lifter.points import to_common
-from imocap_core.lifter.weights import load_lifter
+from imocap_core.lifter.lifter_network import load_lifter, to_common
 from imocap_core.params import CollectParams
 
 FILES = {

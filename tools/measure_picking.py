@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-from imocap_core.pick.pick import picking
+from imocap_core.pick.server import picking
 from tests.report.browser import Browser
 
 THINKING_S = 1.0

@@ -20,7 +20,7 @@ from benchmarks.synthetic.captured import (
     stature_m,
 )
 from imocap_core.camera.projection import project
-from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
+from imocap_core.people.left_right import limbs_of, swap_sides, swapped_frames
 from imocap_core.synthetic.detector import Detections, DetectorErrors, detect
 
 CLIPS = ("02_05", "02_10", "05_06", "06_12", "12_02", "13_30", "13_01", "02_04", "05_18", "07_04")

@@ -18,9 +18,8 @@ from jaxtyping import UInt8
 
 from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
-from imocap_core.film.overlay_body import OverlayBody
-from imocap_core.film.overlay_film import overlay_film
-from imocap_core.io.prefetch import prefetch
+from imocap_core.film import OverlayBody, overlay_film
+from imocap_core.io.frame_access import prefetch
 from imocap_core.io.video import read_rgb, write_h264
 
 FPS = 30.0

@@ -34,7 +34,7 @@ class Readers:
     program: str = "python"
 
 
-BPY = "imocap_core/export/blender/bpy.txt"
+BPY = "imocap_core/export/bpy.txt"
 GROUPS = {
     "blender": Readers(
         "IMOCAP_BLENDER",

@@ -16,8 +16,7 @@ from PIL import Image
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.film.overlay_body import Painter, overlay_bodies
-from imocap_core.film.phase_bar import lock_step
+from imocap_core.film import Painter, lock_step, overlay_bodies
 from imocap_core.library.outputs import result_of
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -25,9 +25,13 @@ from lifter.performances import Motions, TrainingBodies, motions_of, windows
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from imocap_core.lifter.network import Lifter, LifterOutput
-from imocap_core.lifter.rays import person_centred_features
-from imocap_core.lifter.weights import load_lifter, write_weights
+from imocap_core.lifter.lifter_network import (
+    Lifter,
+    LifterOutput,
+    load_lifter,
+    person_centred_features,
+    write_weights,
+)
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "lifter" / "data" / "lifter.safetensors"
 SEED = 7

@@ -6,7 +6,7 @@ The films of `tools.fit_detector_marks`, cached in FOLDER. The network learns th
 detected point to the projected mark of the layout, from left sides and mirrored right ones, with a
 Student loss. Prints the mean distance in % of the height, points off by more than 5 % left out, of
 films that took no part (one group of performers after another), and with --write stores the
-network that all films trained in imocap_core/marks/data.
+network that all films trained in imocap_core/lifter/data.
 """
 
 from __future__ import annotations
@@ -26,9 +26,14 @@ from torch import Tensor, nn
 from imocap_core.body.layouts import joint_mix, layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.detect.detectors import detector_of
-from imocap_core.marks.correction import FLIP, ShiftNetwork, corrected_marks
-from imocap_core.marks.features import TRUNK, left_limb
-from imocap_core.marks.weights import write_weights
+from imocap_core.lifter.keypoint_offsets import (
+    FLIP,
+    TRUNK,
+    ShiftNetwork,
+    corrected_marks,
+    left_limb,
+    write_weights,
+)
 from imocap_core.params import DetectParams
 from tools.fit_detector_marks import CLIPS, ROOT, VIEWS, DetectedFilm, films
 

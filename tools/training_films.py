@@ -18,9 +18,8 @@ from benchmarks.synthetic.captured_stance import (
 )
 from benchmarks.synthetic.rendered import FilmedMotion, render_frames
 from imocap_core.body import Shaped
-from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detection import detect_video, set_up
 from imocap_core.detect.detectors import Detector
-from imocap_core.detect.setup import set_up
 from imocap_core.io.video import write_h264
 
 SIZE, CRF = (640, 480), 20

@@ -11,10 +11,9 @@ from benchmarks.scoring.costs import Cost, Meter
 from benchmarks.scoring.score import score_key, truth_of
 from benchmarks.scoring.score_file import LAST, ActionScore, read_score, write_score
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, RefineSync, SyncMap
-from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
 from imocap_core.artifacts.store import Stored
-from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.evaluate.scoreboard import StageResult, against_truth
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import SYNC_METRICS
 from imocap_core.pipeline import runner

@@ -18,7 +18,7 @@ from benchmarks.tcc import (
 )
 from benchmarks.tcc.clips import TccClip, person_squares
 from imocap_core.artifacts.schemas import Keypoints, SyncMap, VideoKeypoints
-from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.video import read_gray
 

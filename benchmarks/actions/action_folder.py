@@ -38,7 +38,7 @@ from benchmarks.synthetic.detector_presets import detect_person
 from benchmarks.synthetic.estimator import estimate
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_14
-from imocap_core.metrics.joint_rotations import SEGMENTS
+from imocap_core.metrics.whole_body import SEGMENTS
 from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.detector import Detections
 

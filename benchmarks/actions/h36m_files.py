@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.io.object_npz import read_object
+from imocap_core.io.array_files import read_object
 
 FILE_3D, FILE_2D = "data_3d_h36m.npz", "data_2d_h36m_cpn_ft_h36m_dbb.npz"
 FPS = 50.0

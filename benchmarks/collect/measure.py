@@ -26,7 +26,7 @@ from benchmarks.scoring.score import score_action
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.collect.listing import CollectedList
 from imocap_core.io.video import probe
-from imocap_core.library.collecting import collect
+from imocap_core.library.new_action import collect
 from imocap_core.pipeline.runner import Display
 from imocap_core.pipeline.source import closure
 from imocap_core.workspace import Workspace

@@ -23,11 +23,9 @@ from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body, video_id, write_keypoints
 from imocap_core.pipeline.source import closure
 from imocap_core.synthetic.cameras import CameraPlacement, FilmCamera, aim_camera, stature_px
-from imocap_core.synthetic.demo_body import contact_forward
-from imocap_core.synthetic.detector import detect
-from imocap_core.synthetic.false_people import false_people
-from imocap_core.synthetic.scene import backdrop, render_plate, room
-from imocap_core.synthetic.variation import PhaseSpan, perform
+from imocap_core.synthetic.choreography import PhaseSpan, contact_forward, perform
+from imocap_core.synthetic.detector import detect, false_people
+from imocap_core.synthetic.rooms import backdrop, render_plate, room
 from imocap_core.synthetic.yoga import SUN_SALUTATION
 from imocap_core.synthetic.yoga_clip import LAYOUT, SIZE, DemoClip
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from imocap_core.artifacts.cache import CACHE, USED, cached_results, sweep
+from imocap_core.artifacts.store import CACHE, USED, cached_results, sweep
 
 ACTIONS = (100, 1000)
 STAGES, REPORT_FILES, REMEMBERED = 9, 30, 16  # of an action; remembered: videos and keypoints

@@ -18,10 +18,9 @@ import numpy as np
 from benchmarks.cost.action import ActionSize, make_sized_action
 from benchmarks.parallel import ForwardingDisplay, LineDisplay, in_process
 from imocap_core.body.layouts import layout_names
-from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Outcome
-from imocap_core.process import configure_process
+from imocap_core.process import configure_process, peak_bytes, restart_peak
 from imocap_core.report.action_report import finish
 from imocap_core.workspace import Workspace
 

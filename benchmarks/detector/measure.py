@@ -16,11 +16,9 @@ from jaxtyping import Float
 from benchmarks.detector.degradations import DEGRADATIONS, PLAIN, Degradation, Picture
 from benchmarks.detector.reference import LIMBS, SHIFTS, reference_limbs, shifted
 from imocap_core.body.layouts import layout_names
-from imocap_core.detect.detection import with_last
+from imocap_core.detect.detection import Worker, set_up, with_last
 from imocap_core.detect.detectors import Detector, detector_of
-from imocap_core.detect.process import Worker
-from imocap_core.detect.setup import set_up
-from imocap_core.io.detectors.mediapipe import LAYOUT, read_mediapipe
+from imocap_core.io.readers.mediapipe import LAYOUT, read_mediapipe
 from imocap_core.io.video import probe, read_rgb
 from imocap_core.params import DetectParams, KeypointsParams
 from imocap_core.people.performer import performer_of, ranked_tracks

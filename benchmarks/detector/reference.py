@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.io.pose2sim_truth import read_pose2sim_truth
+from imocap_core.io.truth import read_pose2sim_truth
 
 SIDES, PARTS = ("left", "right"), ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 LIMBS = [f"{side}_{part}" for side in SIDES for part in PARTS]

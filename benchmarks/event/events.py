@@ -15,9 +15,9 @@ from benchmarks.scoring.score import truth_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.evaluate.action_scores import score_results
-from imocap_core.evaluate.results import AFTER_LOOP, StageResult
-from imocap_core.metrics.camera import camera_place_errors_mm, camera_rotation_error_deg
+from imocap_core.evaluate.scoreboard import AFTER_LOOP, StageResult
 from imocap_core.metrics.scoring import over_videos
+from imocap_core.metrics.trajectory import camera_place_errors_mm, camera_rotation_error_deg
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace

@@ -17,7 +17,7 @@ from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, RefineSync
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.runner import Display
-from imocap_core.report.ground_table import ground_tables
+from imocap_core.report.tables import ground_tables
 from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult

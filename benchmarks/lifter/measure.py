@@ -17,15 +17,15 @@ import numpy as np
 from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import action_names, ready_job
 from benchmarks.scoring.score import truth_of
+from imocap_core.adapters.monocular import lifted_joints
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
-from imocap_core.evaluate.truth import true_joints
+from imocap_core.evaluate.scoreboard import true_joints
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow, over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display
-from imocap_core.problem.starts import lifted_joints
 from imocap_core.workspace import Workspace
 
 KINDS, LEVELS = ("trials", "protocol"), ("fine_tuned", "generic", "mediapipe")

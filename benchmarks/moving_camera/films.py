@@ -12,11 +12,11 @@ from jaxtyping import Float, UInt8
 
 from benchmarks.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
 from benchmarks.synthetic.walking_cameras import CameraWalk
+from imocap_core.adapters.camera_motion import background_of
 from imocap_core.alignment import similarity
 from imocap_core.camera.camera_path import CameraPath
 from imocap_core.params import CameraMotionParams
 from imocap_core.pipeline.make_demo import demo_body
-from imocap_core.problem.moving_camera import background_of
 from imocap_core.synthetic.yoga_clip import YOGA_SPANS, DemoClip
 
 SIZE = (480, 270)

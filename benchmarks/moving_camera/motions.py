@@ -11,15 +11,15 @@ import numpy as np
 from benchmarks.moving_camera.action import CENTRES, WALKS, make_moving_yoga
 from benchmarks.parallel import ActionDisplay
 from benchmarks.scoring.score import truth_of
+from imocap_core.adapters.relative_motion import Paths, paths_of, paths_of_initial
 from imocap_core.alignment import rigid
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.evaluate.action_scores import score_results
-from imocap_core.evaluate.results import AFTER_LOOP, StageResult
+from imocap_core.evaluate.scoreboard import AFTER_LOOP, StageResult
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display
-from imocap_core.problem.relative_motion import Paths, paths_of, paths_of_initial
 from imocap_core.workspace import Workspace
 
 SEEDS = (31, 32)  # of performer, motion and cameras; defaults were chosen on others

@@ -17,8 +17,7 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.camera.projection import intrinsics
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.lifter.infer import lift
-from imocap_core.lifter.points import to_common
-from imocap_core.lifter.weights import load_lifter
+from imocap_core.lifter.lifter_network import load_lifter, to_common
 
 NAMES = layout_names(LAYOUT)
 LIMBS = tuple(

@@ -14,8 +14,7 @@ from benchmarks.performers.bodies import LIMBS, bone_lengths_m, limb_lengths_m
 from benchmarks.scoring.score import truth_of
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.evaluate.scoreboard import StageResult, against_truth
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Job
 

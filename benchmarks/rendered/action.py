@@ -27,7 +27,7 @@ from benchmarks.synthetic.rendered import (
     viewed_side,
 )
 from imocap_core.body import Shaped, load_free_body
-from imocap_core.body.conversions import pose_from_rotations
+from imocap_core.body.model import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import write_h264

@@ -6,9 +6,9 @@ import numpy as np
 
 from benchmarks.detector.detection_errors import DetectedClip
 from benchmarks.rendered.action import LAYOUT, POINTS
-from imocap_core.evaluate.truth import true_joints
-from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
-from imocap_core.io.estimators.estimates import PerformerBoxes
+from imocap_core.evaluate.scoreboard import true_joints
+from imocap_core.io.readers.estimates import PerformerBoxes
+from imocap_core.io.readers.mediapipe import read_mediapipe, read_mediapipe_world
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe
 from imocap_core.metrics.scoring import CameraJoints, over_videos, pose_rows

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from imocap_core.detect.detection import is_set_up
 from imocap_core.detect.detectors import detector_of
-from imocap_core.detect.setup import is_set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 

@@ -12,12 +12,12 @@ from typing import TypeVar
 import numpy as np
 import torch
 
+from imocap_core.adapters.joint import problem_of
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, SmplBa, SyncMap
-from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.sync import true_reference_frame
-from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import (
     common_then_deviations,
     recover_motion,
@@ -25,7 +25,6 @@ from imocap_core.motion.multiview.smpl_ba import (
 )
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams, Params
-from imocap_core.problem.joint import problem_of
 
 Value = TypeVar("Value")
 

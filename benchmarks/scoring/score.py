@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.scoring.costs import Cost, Meter
 from benchmarks.scoring.score_file import LAST, ActionScore, first_videos, read_score, write_score
+from imocap_core.adapters.redetection import with_redetected
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -23,19 +24,21 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.artifacts.store import Stored
 from imocap_core.body import load_free_body
 from imocap_core.errors import WorkFailed
-from imocap_core.evaluate.body_points import body_points
-from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.scoreboard import against_truth
-from imocap_core.evaluate.truth import action_truth, true_joints
-from imocap_core.evaluate.whole_body import whole_body_rows
-from imocap_core.io.estimators.joints_npz import read_joints_npz
+from imocap_core.evaluate.scoreboard import (
+    StageResult,
+    action_truth,
+    against_truth,
+    body_points,
+    true_joints,
+)
+from imocap_core.evaluate.whole_body_scores import whole_body_rows
+from imocap_core.io.readers.joint_estimators import read_joints_npz
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, means_over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.source import closure
-from imocap_core.problem.looked_again import with_redetected
 
 
 def score_action(

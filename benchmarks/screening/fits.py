@@ -21,7 +21,7 @@ from imocap_core.artifacts.schemas import (
     VideoCameraMotion,
     VideoKeypoints,
 )
-from imocap_core.camera.motion import static_camera
+from imocap_core.camera.camera_motion import static_camera
 from imocap_core.params import Params
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.source import closure, module_name

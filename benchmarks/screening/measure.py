@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.screening.fits import FittedFilm
 from benchmarks.screening.scenes import ScreeningScene
+from imocap_core.adapters.hypotheses import keypoints_of_joints
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
-from imocap_core.problem.synchronisation import keypoints_of_joints
 from imocap_core.sync import screened
 from imocap_core.sync.screening.screening import Screening
 

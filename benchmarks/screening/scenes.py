@@ -14,9 +14,8 @@ import numpy as np
 from benchmarks.actions.captured import video_rng
 from benchmarks.screening.casts import FILMS, MIRRORED_FILMS, mirrored_performance
 from benchmarks.screening.fits import FittedCast, FittedFilm
-from imocap_core.sync.screening.evidence import WeightedPoses, mirror_kinds
 from imocap_core.sync.screening.mirror import agreed
-from imocap_core.sync.screening.warp_residual import thinned
+from imocap_core.sync.screening.pose_evidence import WeightedPoses, mirror_kinds, thinned
 
 WALKS = ("02_01", "03_01", "05_01", "07_04", "12_01")
 CLIPS = (

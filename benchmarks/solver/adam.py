@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import torch
 
-from imocap_core.motion.solver.gauss_newton import Solution
-from imocap_core.motion.solver.objective import objective
+from imocap_core.motion.gauss_newton import Solution, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 

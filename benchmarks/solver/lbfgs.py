@@ -11,8 +11,7 @@ from jaxtyping import Float
 from scipy.optimize import OptimizeResult, minimize
 from torch import Tensor
 
-from imocap_core.motion.solver.gauss_newton import Solution
-from imocap_core.motion.solver.objective import objective
+from imocap_core.motion.gauss_newton import Solution, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 

@@ -21,17 +21,15 @@ from torch import Tensor
 from benchmarks.solver.adam import adam
 from benchmarks.solver.lbfgs import lbfgs
 from benchmarks.solver.scene import MadeScene
+from imocap_core.motion.gauss_newton import Solution, gauss_newton, objective
 from imocap_core.motion.monocular.fit import regularisers
-from imocap_core.motion.multiview.aligned import align
-from imocap_core.motion.multiview.cameras import cameras_from_motion
 from imocap_core.motion.multiview.common_keypoints import common_keypoints
 from imocap_core.motion.multiview.common_motion import ROBUST_STAGES, common_problem
-from imocap_core.motion.multiview.consensus import consensus_motion
-from imocap_core.motion.multiview.offset_spread import initial_offset_sd
+from imocap_core.motion.multiview.low_rank import consensus_motion
+from imocap_core.motion.multiview.per_video import initial_offset_sd
+from imocap_core.motion.multiview.scene import align, cameras_from_motion
 from imocap_core.motion.multiview.smpl_ba import shared_shapes
-from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
-from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.solver.objective import objective
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import MotionParams

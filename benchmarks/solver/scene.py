@@ -16,12 +16,11 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp
 

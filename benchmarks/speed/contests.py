@@ -30,13 +30,13 @@ from imocap_core.body import keypoints_with_jacobian, load_free_body
 from imocap_core.library.running import run_action
 from imocap_core.params import FitParams, MotionParams, SyncParams
 from imocap_core.rotations import exp
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.cycle.methods import relax
-from imocap_core.sync.pair_comparison import compared_pairs
-from imocap_core.sync.pairwise.distance_matrix import distance_matrix
-from imocap_core.sync.pairwise.procrustes import procrustes_distances
-from imocap_core.sync.warp.clocks import Clocks
+from imocap_core.sync.affinity import distance_matrix
+from imocap_core.sync.cycle import relax
+from imocap_core.sync.maps import BlockMaps
+from imocap_core.sync.procrustes import procrustes_distances
+from imocap_core.sync.reference import compared_pairs
 from imocap_core.sync.warp.dtw import dtw
+from imocap_core.sync.warp.soft_maps import Clocks
 
 SECONDS = 8.0  # for each size
 MOST_TIMES = 10.0  # of Gauss-Newton's time, after which a rival of it is stopped

@@ -23,7 +23,7 @@ from benchmarks.solver.race import (
     timed,
 )
 from benchmarks.speed.motion_alone import MotionAlone
-from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
+from imocap_core.motion.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 

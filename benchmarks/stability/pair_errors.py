@@ -10,9 +10,9 @@ import numpy as np
 
 from imocap_core.artifacts.schemas import Camera, Keypoints, SyncSummary
 from imocap_core.io.truth import Truth
-from imocap_core.metrics.camera import camera_rotation_error_deg
 from imocap_core.metrics.sync import sync_error_frames, sync_errors
-from imocap_core.sync.axis_average import inverted
+from imocap_core.metrics.trajectory import camera_rotation_error_deg
+from imocap_core.sync.axes import inverted
 
 CAMERA, FRAMES = "camera_pair_error_deg", "sync_pair_error_frames"
 

@@ -21,10 +21,10 @@ from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, scor
 from benchmarks.sync.rivals import RIVALS, rival
 from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
 from imocap_core.params import SyncParams
-from imocap_core.params.sync import CycleMethod, Warp
+from imocap_core.params.sync_params import CycleMethod, Warp
 from imocap_core.sync import SyncResult, synchronise
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
-from imocap_core.sync.warp.positions import median_positions
+from imocap_core.sync.warp.template import median_positions
 
 METHODS = ("none", "softmap", "als", "svt", "auto")
 WARPS = ("posterior", "dtw")

@@ -14,12 +14,11 @@ from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import SyncParams
 from imocap_core.sync import synchronise
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.cycle.methods import relax
-from imocap_core.sync.cycle.row_contrast import symmetric_affinity
-from imocap_core.sync.pair_comparison import compared_pairs
-from imocap_core.sync.pairwise.distance_matrix import distance_matrix
-from imocap_core.sync.warp.clocks import Clocks
+from imocap_core.sync.affinity import distance_matrix
+from imocap_core.sync.cycle import relax, symmetric_affinity
+from imocap_core.sync.maps import BlockMaps
+from imocap_core.sync.reference import compared_pairs
+from imocap_core.sync.warp.soft_maps import Clocks
 
 SIZES = (600, 1200, 1550, 4000)
 LARGEST = {"als": 1550, "svt": 1200}  # beyond it a method is not measured

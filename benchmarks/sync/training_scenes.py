@@ -18,7 +18,7 @@ from benchmarks.synthetic.captured import hip_middle, to_scene
 from benchmarks.synthetic.estimator import EstimatorErrors, estimate
 from benchmarks.synthetic.frame_sampling import sample_frames
 from imocap_core.conventions import EVAL_14
-from imocap_core.synthetic.variation import PhaseSpan, pace
+from imocap_core.synthetic.choreography import PhaseSpan, pace
 
 CAPTURED_FPS, PROTOCOL_FPS, PROTOCOL_FRAMES = 30.0, 120.0, 2000
 RESAMPLED = ("01_01", "02_05", "02_10", "05_18", "13_01", "13_10", "13_15", "13_30")

@@ -12,8 +12,7 @@ from jaxtyping import Float
 
 from benchmarks.synthetic.captured import COCO18
 from imocap_core.conventions import OTHER
-from imocap_core.synthetic.detector import Detections, DetectorErrors, detect
-from imocap_core.synthetic.keypoint_errors import KeypointErrors
+from imocap_core.synthetic.detector import Detections, DetectorErrors, KeypointErrors, detect
 
 MEDIAPIPE = {
     "nose": KeypointErrors(noise=0.8, outliers=0.0),

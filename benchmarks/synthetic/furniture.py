@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.synthetic import textures
-from imocap_core.synthetic.scene import Surface
-from imocap_core.synthetic.textures import PX_PER_M
+from imocap_core.synthetic import rooms
+from imocap_core.synthetic.rooms import PX_PER_M, Surface
 
 CLEAR_M = 1.3  # about the performer
 OUT_OF_VIEW = 0.35  # cosine to the camera's direction: nothing stands in front of the performer
@@ -66,5 +65,5 @@ def _texture(
     height_m: float, width_m: float, color: tuple[int, ...], rng: np.random.Generator
 ) -> np.ndarray:
     shape = (max(8, int(height_m * PX_PER_M)), max(8, int(width_m * PX_PER_M)))
-    base = textures.tinted(textures.noise(shape, 24, 4, rng), (color[0], color[1], color[2]), 0.7)
-    return textures.hang_pictures(base, 1, rng) if min(shape) > PX_PER_M // 2 else base
+    base = rooms.tinted(rooms.noise(shape, 24, 4, rng), (color[0], color[1], color[2]), 0.7)
+    return rooms.hang_pictures(base, 1, rng) if min(shape) > PX_PER_M // 2 else base

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from imocap_core.synthetic import textures
-from imocap_core.synthetic.scene import Surface
-from imocap_core.synthetic.textures import PX_PER_M
+from imocap_core.synthetic import rooms
+from imocap_core.synthetic.rooms import PX_PER_M, Surface
 
 HEIGHT_M = 4.2
 BEHIND_M = 1.5  # from the performer's furthest point to the back wall
@@ -59,22 +58,22 @@ def _floor(
     kind: int, shape: tuple[int, int], rng: np.random.Generator
 ) -> UInt8[np.ndarray, "H W 3"]:
     if kind == 0:
-        return textures.planks(shape, 22, (150, 112, 78), rng)
+        return rooms.planks(shape, 22, (150, 112, 78), rng)
     if kind == 1:
-        return textures.checks(shape, 60, ((208, 202, 190), (96, 104, 112)), rng)
+        return rooms.checks(shape, 60, ((208, 202, 190), (96, 104, 112)), rng)
     color, contrast = (((92, 108, 138), 0.5), ((88, 122, 62), 0.6))[kind - 2]
-    return textures.tinted(textures.noise(shape, 15, 4, rng), color, contrast)
+    return rooms.tinted(rooms.noise(shape, 15, 4, rng), color, contrast)
 
 
 def _wall(
     kind: int, shape: tuple[int, int], rng: np.random.Generator
 ) -> UInt8[np.ndarray, "H W 3"]:
     if kind == 0:
-        wall = textures.bricks(shape, (16, 40), (158, 84, 66), (178, 170, 160), rng)
+        wall = rooms.bricks(shape, (16, 40), (158, 84, 66), (178, 170, 160), rng)
     elif kind == 1:
-        wall = textures.tinted(textures.noise(shape, 30, 5, rng), (122, 148, 140), 0.3)
+        wall = rooms.tinted(rooms.noise(shape, 30, 5, rng), (122, 148, 140), 0.3)
     elif kind == 2:
-        wall = textures.planks(shape, 30, (196, 168, 122), rng)
+        wall = rooms.planks(shape, 30, (196, 168, 122), rng)
     else:
-        wall = textures.bricks(shape, (34, 62), (150, 146, 136), (96, 100, 92), rng, 0.3)
-    return textures.hang_pictures(wall, max(2, shape[1] // 260), rng)
+        wall = rooms.bricks(shape, (34, 62), (150, 146, 136), (96, 100, 92), rng, 0.3)
+    return rooms.hang_pictures(wall, max(2, shape[1] // 260), rng)

@@ -16,9 +16,9 @@ from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.camera.zooming import lens_of
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import YOGA_CAMERAS, FilmCamera, stature_px
-from imocap_core.synthetic.demo_body import outfit
+from imocap_core.synthetic.choreography import outfit
 from imocap_core.synthetic.detector import Detections, detect
-from imocap_core.synthetic.scene import cast_shadow, raycast, room
+from imocap_core.synthetic.rooms import cast_shadow, raycast, room
 from imocap_core.synthetic.yoga_clip import LAYOUT, DemoClip, make_yoga_clip
 
 BOXES = 6

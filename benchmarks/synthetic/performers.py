@@ -18,7 +18,7 @@ from benchmarks.synthetic.captured_stance import CapturedSkeleton, NeutralStance
 from benchmarks.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 from imocap_core.body.model import Model
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.state import Body
 
 BONES = {"knee": "hip", "ankle": "knee", "elbow": "shoulder", "wrist": "elbow"}  # far end: near end
 LENGTH_SPREAD_M = 0.005

@@ -17,8 +17,8 @@ from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import CameraPlacement, FilmCamera
-from imocap_core.synthetic.demo_body import outfit
-from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate
+from imocap_core.synthetic.choreography import outfit
+from imocap_core.synthetic.rooms import backdrop, cast_shadow, render_plate
 
 SENSOR_NOISE = 2.0  # grey levels
 SKIN_CHUNK = 16  # frames skinned together

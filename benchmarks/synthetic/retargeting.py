@@ -33,10 +33,9 @@ from benchmarks.synthetic.captured_stance import (
 )
 from imocap_core.body.model import Shaped
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.gauss_newton import gauss_newton
 from imocap_core.motion.prior import PosePrior, mixture
-from imocap_core.motion.solver.gauss_newton import gauss_newton
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import (
     HingeLimits,
     JointEvidence,

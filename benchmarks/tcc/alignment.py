@@ -14,7 +14,7 @@ from benchmarks.tcc.loss import soft_matches, squared_distances
 from benchmarks.tcc.settings import TccSettings
 from benchmarks.tcc.training import train
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
-from imocap_core.sync.warp.positions import mass_within
+from imocap_core.sync.warp.template import mass_within
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from benchmarks.actions.captured import video_rng
 from imocap_core.params import SyncParams
-from imocap_core.sync.pairwise.poses import body_scales
+from imocap_core.sync.comparable_poses import body_scales
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.screening import Screening, screen
 

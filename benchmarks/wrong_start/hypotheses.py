@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imocap_core.adapters.observations import body_for, motions_of, observations_of
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -16,18 +17,17 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.scoreboard import against_truth
-from imocap_core.evaluate.truth import true_joints, video_truth
+from imocap_core.evaluate.scoreboard import StageResult, against_truth, true_joints, video_truth
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints
 from imocap_core.motion.monocular.fit import fit_monocular
-from imocap_core.motion.monocular.library import make_library
-from imocap_core.motion.monocular.starts import fit_rotations_to_joints, start_at_joints
+from imocap_core.motion.monocular.starts import (
+    fit_rotations_to_joints,
+    make_library,
+    start_at_joints,
+)
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
-from imocap_core.problem.motions import motions_of
-from imocap_core.problem.observations import body_for, observations_of
 
 NEAR = 1.2  # of the least error
 

@@ -25,8 +25,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import WrongUse
-from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.evaluate.scoreboard import StageResult, against_truth
 from imocap_core.io.truth import Truth
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Job

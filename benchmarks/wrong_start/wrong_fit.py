@@ -16,18 +16,21 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.adapters.observations import alternatives_of, body_for, motions_of, observations_of
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, VideoMotion
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.mirror import mirrored_pose
 from imocap_core.motion.monocular.fit import fit_monocular
 from imocap_core.motion.monocular.hypotheses import alternatives
-from imocap_core.motion.monocular.library import Library, make_library
-from imocap_core.motion.monocular.starts import Start, fit_rotations_to_joints, start_at_joints
+from imocap_core.motion.monocular.starts import (
+    Library,
+    Start,
+    fit_rotations_to_joints,
+    make_library,
+    start_at_joints,
+)
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import Body, mirrored_pose
 from imocap_core.params import Params
-from imocap_core.problem.motions import alternatives_of, motions_of
-from imocap_core.problem.observations import body_for, observations_of
 from imocap_core.rotations import exp
 
 WrongStart = Literal["facing", "depth", "sides"]

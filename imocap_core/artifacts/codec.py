@@ -1,5 +1,11 @@
 """Artifacts as MCAP files: one JSON header, one protobuf message an array, side files attached.
 
+The protobuf message `imocap.NdArray {name, dtype, shape, data}`, built without protoc.
+
+What a result says of how it was made: a recipe as JSON texts, checked where it is read.
+
+An artifact may come from somebody else; whoever reads its recipe relies on these forms.
+
 The content digest is taken over the decoded messages, never over the file: compressed bytes differ
 between releases of zstandard. Everything in the file is covered by a checksum, and every way in
 which reading can fail is one error, ArtifactCorrupt, whose cure is to compute the artifact again.
@@ -12,7 +18,7 @@ import json
 import math
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
@@ -20,32 +26,115 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError
 from jaxtyping import Shaped
 from mcap.exceptions import McapError
-from mcap.records import (
-    Attachment,
-    Channel,
-    Chunk,
-    DataEnd,
-    McapRecord,
-    Message,
-    Metadata,
-    Schema,
-)
+from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 from pydantic import BaseModel, ValidationError
 from zstandard import ZstdError, frame_content_size
 
 from imocap_core import limits
-from imocap_core.artifacts import ndarray
-from imocap_core.artifacts.provenance import check_provenance
 from imocap_core.artifacts.side_files import check_names
 from imocap_core.errors import CONTROL, ArtifactCorrupt
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact
+
+
+NAME = "imocap.NdArray"
+
+
+def _file_descriptor() -> descriptor_pb2.FileDescriptorProto:
+    field = descriptor_pb2.FieldDescriptorProto
+    file = descriptor_pb2.FileDescriptorProto(
+        name="imocap/ndarray.proto", package="imocap", syntax="proto3"
+    )
+    message = file.message_type.add(name="NdArray")
+    one, many = field.LABEL_OPTIONAL, field.LABEL_REPEATED
+    message.field.add(name="name", number=1, type=field.TYPE_STRING, label=one)
+    message.field.add(name="dtype", number=2, type=field.TYPE_STRING, label=one)
+    message.field.add(name="shape", number=3, type=field.TYPE_INT64, label=many)
+    message.field.add(name="data", number=4, type=field.TYPE_BYTES, label=one)
+    return file
+
+
+_FILE = _file_descriptor()
+_POOL = descriptor_pool.DescriptorPool()
+_POOL.Add(_FILE)
+_NdArray: Any = message_factory.GetMessageClass(_POOL.FindMessageTypeByName(NAME))
+
+
+def descriptor_set() -> bytes:
+    """The schema as MCAP wants it: a serialized FileDescriptorSet."""
+    return descriptor_pb2.FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
+
+
+def to_bytes(name: str, array: Shaped[np.ndarray, "..."]) -> bytes:
+    """One array as a message; little endian, C order."""
+    little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    message = _NdArray(
+        name=name, dtype=little.dtype.name, shape=array.shape, data=little.tobytes(order="C")
+    )
+    return message.SerializeToString(deterministic=True)
+
+
+def from_bytes(data: bytes) -> tuple[str, Shaped[np.ndarray, "..."]]:
+    """Name and array (writable) of a message. ValueError when its parts don't fit each other."""
+    message = _NdArray.FromString(data)
+    dtype = np.dtype(message.dtype).newbyteorder("<")
+    array = np.frombuffer(message.data, dtype=dtype).reshape(tuple(message.shape))
+    return message.name, array.astype(dtype.newbyteorder("="), copy=True)
+
+
+MAX_NESTING = 50  # brackets within brackets of one text
+
+
+def check_provenance(provenance: Mapping[str, str]) -> None:
+    """ArtifactCorrupt when a part of the recipe is not of its form; parts may be missing."""
+    for name, fits in FORMS.items():
+        if name in provenance and not _is_json_of(provenance[name], fits):
+            raise ArtifactCorrupt(f"its provenance has no usable {name}")
+
+
+def _is_json_of(text: str, fits: Callable[[Any], bool]) -> bool:
+    try:
+        value = json.loads(text)
+        return _is_shallow(value, MAX_NESTING) and fits(value)
+    except (ValueError, RecursionError):
+        return False
+
+
+def _is_shallow(value: Any, levels: int) -> bool:
+    if not isinstance(value, (dict, list)):
+        return True
+    parts = value.values() if isinstance(value, dict) else value
+    return levels > 0 and all(_is_shallow(part, levels - 1) for part in parts)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int)
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, dict) and all(isinstance(part, str) for part in value.values())
+
+
+def _are_groups(value: Any) -> bool:
+    return isinstance(value, dict) and all(isinstance(part, dict) for part in value.values())
+
+
+FORMS: dict[str, Callable[[Any], bool]] = {
+    "code": _are_texts,
+    "params": _are_groups,
+    "seed": _is_number,
+    "inputs": _are_texts,
+    "reads": _are_texts,
+    "format": _is_number,
+}
+
 
 LIBRARY = "imocap artifact 1"  # fixed, so that equal artifacts give equal files
 LOG_TIME = 0
@@ -121,12 +210,10 @@ def write(stream: BinaryIO, content: Content, json_schema: Mapping[str, Any]) ->
     header_schema = writer.register_schema(
         name=SCHEMA_PREFIX + content.schema, encoding="jsonschema", data=schema_text
     )
-    array_schema = writer.register_schema(
-        name=ndarray.NAME, encoding="protobuf", data=ndarray.descriptor_set()
-    )
+    array_schema = writer.register_schema(name=NAME, encoding="protobuf", data=descriptor_set())
     messages = [(HEADER, "json", header_schema, content.header)]
     messages += [
-        ("/" + name, "protobuf", array_schema, ndarray.to_bytes(name, content.arrays[name]))
+        ("/" + name, "protobuf", array_schema, to_bytes(name, content.arrays[name]))
         for name in sorted(content.arrays)
     ]
     for topic, encoding, schema, data in messages:
@@ -196,7 +283,7 @@ def _collect(data: bytes) -> Content:
             header = record.data
             kind = schemas[topics[record.channel_id][1]].removeprefix(SCHEMA_PREFIX)
         elif isinstance(record, Message):
-            name, array = ndarray.from_bytes(record.data)
+            name, array = from_bytes(record.data)
             arrays[name] = array
         elif isinstance(record, Attachment):
             attached.append(record)

@@ -1,4 +1,8 @@
-"""What was computed from the content of files, remembered while the files stay unchanged.
+"""What was computed from files, remembered while they stay unchanged; a lock between processes.
+
+A lock between processes; the operating system releases it when its process ends.
+
+What was computed from the content of files, remembered while the files stay unchanged.
 
 A large video is hashed once, not by every command. A file counts as unchanged while its size,
 modification time and inode do; a folder, while those of all its files do. This only decides
@@ -17,13 +21,60 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import BinaryIO, TypeVar
 
 from imocap_core import limits
-from imocap_core.whole_files import write_whole
+from imocap_core.files import write_whole
+
+RETRY_S = 0.1
+UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _try_lock(stream: BinaryIO) -> bool:
+        stream.seek(0)
+        try:
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+
+else:
+    import fcntl
+
+    def _try_lock(stream: BinaryIO) -> bool:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+
+@contextmanager
+def exclusive(file: Path, waiting: Callable[[], None]) -> Iterator[None]:
+    """Lock `file` while the body runs; if another process has it, call `waiting` and wait.
+
+    On a disk that cannot be written to there is nothing to lock: the body runs all the same.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        opened = file.open("a+b")
+    except OSError as error:
+        if error.errno not in UNWRITABLE:
+            raise
+        yield
+        return
+    with opened as stream:
+        if not _try_lock(stream):
+            waiting()
+            while not _try_lock(stream):
+                time.sleep(RETRY_S)
+        yield
+
 
 FILE = Path(".cache") / "files.json"
 FORMAT = 2  # raise when what is computed from a file means something else

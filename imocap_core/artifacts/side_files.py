@@ -1,4 +1,9 @@
-"""Side files of an artifact (a stage's report): their names, and the folder that they become.
+"""Side files of an artifact: their names, the folder that they become; links in a store.
+
+Links in a store: none may lead out of it, or a folder from elsewhere would say what is written
+where.
+
+Side files of an artifact (a stage's report): their names, and the folder that they become.
 
 An artifact may come from anybody, and its attachments name themselves. Only relative names of plain
 parts are taken, so that no file is written outside its folder.
@@ -10,11 +15,38 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from imocap_core.identifiers import is_portable
-from imocap_core.made_files import peoples_files, record_made
+from imocap_core.artifacts.schemas.base import is_portable
+from imocap_core.errors import WorkFailed
+from imocap_core.files import peoples_files, record_made
+
+
+def refuse_links(store: Path, *inside: str) -> None:
+    """WorkFailed when a link in these folders of a store leads out of the store.
+
+    The store itself may be a link.
+    """
+    home = store.resolve()
+    for link in (link for name in inside for link in _links(store / name)):
+        if not link.resolve().is_relative_to(home):
+            raise WorkFailed(
+                f"{link} is a link to {os.readlink(link)}, outside {store}: nothing is written "
+                f"through it. Remove the link (to keep results on another disk, link {store} as a "
+                f"whole)"
+            )
+
+
+def _links(path: Path) -> Iterator[Path]:
+    if path.is_symlink():
+        yield path
+        return
+    for folder, folders, files in os.walk(path):
+        yield from (
+            link for name in [*folders, *files] if (link := Path(folder, name)).is_symlink()
+        )
+
 
 PART = r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,127}"  # of a path: no "..", no hidden file, no drive
 NAME = re.compile(rf"{PART}(?:/{PART}){{0,7}}")

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from scipy.signal import find_peaks, savgol_filter
 
 from imocap_core.biomechanics.motion_event import Kind, MotionEvent, Unit
-from imocap_core.runs import runs
+from imocap_core.sequences import runs
 
 SPEED_WINDOW_S = 0.1  # over which a speed is the slope of a parabola
 RESTS_M_S, EDGE_M_S, MOVES_M_S = 0.2, 0.3, 0.5  # speeds of a foot; its contact changes at the edge

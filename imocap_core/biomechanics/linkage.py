@@ -2,25 +2,39 @@
 
 Segments, their axes and the angles between them are those of `segments` and `joint_angles`. With
 all coordinates at 0 the body stands in the anatomical position. Lengths are metres, angles radians.
+
+The coordinates of a linkage from a motion of the body model: ISB's angles and translations.
+
+Mass and inertia of the linkage's segments, for a body of known shape.
+
+The total comes from the volume of the surface; the shares are de Leva's (`body.mass`), the inertia
+is that of a homogeneous ellipsoid as large as the segment's vertices reach. Good for pictures and
+first estimates; a study of forces wants measured numbers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from imocap_core.biomechanics.joint_angles import (
+    DECOMPOSITIONS,
     LEFT_OUT,
     MIDDLE,
     PAIRED,
+    WORLD,
     YXY,
     YXZ,
     ZXY,
     JointDefinition,
+    joint_angles_rad,
+    yxy_everywhere,
 )
-from imocap_core.biomechanics.segments import rest_axes
+from imocap_core.biomechanics.segments import global_rotations, rest_axes
+from imocap_core.body.kinematics import LIMB_SEGMENTS, MIDDLE_SEGMENTS
 from imocap_core.conventions import SIDES, SMPL_JOINTS, Side
 
 X, Y, Z = np.eye(3)
@@ -150,3 +164,149 @@ def _name(segment: str, prefix: str) -> str:
 
 def _index(joint: str, prefix: str) -> int:
     return SMPL_JOINTS.index(joint if joint in SMPL_JOINTS else prefix + joint)
+
+
+DEFINED_EVERYWHERE = DECOMPOSITIONS | {YXY: yxy_everywhere}
+CARRIER = {  # of segments with translations, or with such on them: the joint that carries them
+    "pelvis": "pelvis",
+    "thorax": "spine3",
+    "head": "head",
+    "left_humerus": "left_shoulder",
+    "right_humerus": "right_shoulder",
+}
+Series = dict[str, Float[np.ndarray, " T"]]
+
+
+def to_ground(points_m: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
+    """Points of a world with y up in the ground's axes: X ahead (z), Y up, Z to the right (-x)."""
+    return np.asarray(points_m @ WORLD)
+
+
+def linkage_coordinates(
+    links: Mapping[str, Link],
+    R_local: Float[np.ndarray, "T 24 3 3"],
+    joints_m: Float[np.ndarray, "T 24 3"],
+    rest_m: Float[np.ndarray, "24 3"],
+) -> Series:
+    """Every coordinate of `linkage` over time, radians and metres, without jumps of a turn.
+
+    Args:
+        R_local, joints_m: of SMPL's joints; the first rotation and the places in a world with y up.
+        rest_m: the joints of the rest pose.
+    """
+    values: Series = joint_angles_rad(R_local, rest_m, DEFINED_EVERYWHERE)
+    frames = _frames(links, global_rotations(R_local), joints_m, rest_m)
+    for link in links.values():
+        if link.translations:
+            values |= _translations(link, frames)
+    return values
+
+
+Frame = tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3"]]
+
+
+def _frames(
+    links: Mapping[str, Link],
+    R: Float[np.ndarray, "T 24 3 3"],
+    joints_m: Float[np.ndarray, "T 24 3"],
+    rest_m: Float[np.ndarray, "24 3"],
+) -> dict[str | None, Frame]:
+    """Axes and origins, in the world, of the segments of the middle and of both humeri."""
+    count = len(joints_m)
+    frames: dict[str | None, Frame] = {None: (np.tile(WORLD, (count, 1, 1)), np.zeros((count, 3)))}
+    for segment, joint in CARRIER.items():
+        link, j = links[segment], SMPL_JOINTS.index(joint)
+        origin = joints_m[:, j] + R[:, j] @ (link.origin_m - rest_m[j])
+        frames[segment] = R[:, j] @ link.axes, origin
+    return frames
+
+
+def _translations(link: Link, frames: Mapping[str | None, Frame]) -> Series:
+    """How far a segment's origin is from its place on the parent, in the parent's axes."""
+    axes, origin = frames[link.parent]
+    away = frames[link.segment][1] - origin
+    moved = np.einsum("tji,tj->ti", axes, away) - link.place_m
+    return dict(zip(link.translations, moved.T, strict=True))
+
+
+DENSITY_KG_M3 = 1000.0  # of a whole body, about that of water
+JOINTS_OF = {  # whose vertices make up a segment
+    "pelvis": ("pelvis", "spine1"),
+    "thorax": ("spine2", "spine3", "collar"),
+    "head": ("neck", "head"),
+    "thigh": ("hip",),
+    "shank": ("knee",),
+    "foot": ("ankle", "foot"),
+    "humerus": ("shoulder",),
+    "forearm": ("elbow",),
+    "hand": ("wrist", "hand"),
+}
+SHARE_FROM = {  # the proximal joint of de Leva's segment
+    "thigh": "hip",
+    "shank": "knee",
+    "foot": "ankle",
+    "humerus": "shoulder",
+    "forearm": "elbow",
+    "hand": "wrist",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMass:
+    """mass_kg; centre_m and radii_m of the ellipsoid in the segment's axes; inertia_kg_m2 about
+    these through the centre."""
+
+    mass_kg: float
+    centre_m: Float[np.ndarray, "3"]
+    radii_m: Float[np.ndarray, "3"]
+
+    @property
+    def inertia_kg_m2(self) -> Float[np.ndarray, "3"]:
+        """Principal moments of a solid ellipsoid."""
+        squares = self.radii_m**2
+        return np.asarray(self.mass_kg / 5 * (squares.sum() - squares))
+
+
+def segment_masses(
+    links: Mapping[str, Link],
+    vertices_m: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    owners: list[str],
+) -> dict[str, SegmentMass]:
+    """Mass and shape of every segment.
+
+    Args:
+        vertices_m: of the rest pose. owners: per vertex the joint that moves it most.
+    """
+    total = DENSITY_KG_M3 * volume_m3(vertices_m, faces)
+    shares = _shares()
+    masses = {}
+    for name, link in links.items():
+        prefix, segment = _parted(name)
+        joints = {j for base in JOINTS_OF[segment] for j in (base, prefix + base)}
+        if not prefix:
+            joints |= {f"{side}_{base}" for side in SIDES for base in JOINTS_OF[segment]}
+        points = link.local_m(vertices_m[np.isin(owners, sorted(joints))])
+        low, high = points.min(axis=0), points.max(axis=0)
+        masses[name] = SegmentMass(total * shares[segment], (low + high) / 2, (high - low) / 2)
+    return masses
+
+
+def volume_m3(vertices_m: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
+    """Volume inside a closed surface: the sum of the signed tetrahedra from its triangles."""
+    a, b, c = (vertices_m[faces[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+def _shares() -> dict[str, float]:
+    """Each segment's share of the body's mass; the trunk's lower third is the pelvis'."""
+    by_start = {start: share for start, _, share, _ in (*MIDDLE_SEGMENTS, *LIMB_SEGMENTS)}
+    shares = {segment: by_start[start] for segment, start in SHARE_FROM.items()}
+    thorax = by_start["spine1"] + by_start["spine3"]
+    return shares | {"head": by_start["neck"], "thorax": thorax, "pelvis": by_start["pelvis"]}
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """A link's side, as a prefix, and its segment."""
+    side, _, segment = name.partition("_")
+    return (f"{side}_", segment) if side in SIDES else ("", name)

@@ -1,9 +1,15 @@
 """SMPL-family body models as immutable values: Model -> Shaped -> Posed -> Mesh, and keypoints."""
 
 from imocap_core.body.free import load_free_body
-from imocap_core.body.jacobian import keypoints_with_jacobian, points_with_jacobian
 from imocap_core.body.layouts import layout_names, layouts
-from imocap_core.body.model import Mesh, Model, Posed, Shaped
+from imocap_core.body.model import (
+    Mesh,
+    Model,
+    Posed,
+    Shaped,
+    keypoints_with_jacobian,
+    points_with_jacobian,
+)
 from imocap_core.body.official import ModelStatus, load_body, model_status
 from imocap_core.body.points import PointSet, join_points, make_points, pick_points
 

@@ -15,8 +15,8 @@ from importlib import resources
 import numpy as np
 import torch
 
+from imocap_core.body.kinematics import Landmark
 from imocap_core.body.model import Model
-from imocap_core.body.protocols import Landmark
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 
 

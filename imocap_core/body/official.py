@@ -1,5 +1,11 @@
 """SMPL, SMPL+H and SMPL-X from official files (.pkl or .npz as downloaded).
 
+The arrays in an official model's .pkl file, read without running anything that is in it.
+
+SMPL's .pkl files hold numpy arrays, scipy sparse matrices and chumpy objects. chumpy no longer
+imports: its objects and scipy's become inert records (`imocap_core.unpickle`), and their arrays are
+taken out of these.
+
 Nothing of these models ships with the package: their licences require each user to register at
 smpl.is.tue.mpg.de, mano.is.tue.mpg.de or smpl-x.is.tue.mpg.de.
 """
@@ -9,6 +15,7 @@ from __future__ import annotations
 import re
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,10 +25,52 @@ import torch
 from jaxtyping import Int64
 
 from imocap_core.body.free import digest_of
-from imocap_core.body.landmarks import find_landmarks, static_face_landmarks
+from imocap_core.body.layouts import find_landmarks, static_face_landmarks
 from imocap_core.body.model import Model
-from imocap_core.body.model_pickle import as_array, read_model_pickle
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS, SMPLX_JOINTS
+from imocap_core.unpickle import UNREADABLE, InertObject, load_pickle
+
+
+def read_model_pickle(path: Path) -> dict[str, Any]:
+    """The dictionary in a model's .pkl file; ValueError when it is damaged or unsafe."""
+    try:
+        content = load_pickle(path.read_bytes(), inert_modules=("chumpy", "scipy.sparse"))
+    except UNREADABLE as error:
+        raise ValueError(
+            f"{path}: refused, this is not a body model that can be read safely: {error}. "
+            "Give the official file as downloaded, or an .npz of its arrays."
+        ) from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: expected a dictionary of arrays, got {type(content).__name__}")
+    return content
+
+
+def as_array(value: object) -> np.ndarray:
+    """A numpy array from what a model file may hold: array, sparse matrix or chumpy object."""
+    if not isinstance(value, InertObject):
+        return np.asarray(value)
+    state = value.state
+    if "indptr" in state and "_shape" in state:
+        return _dense(state)
+    if "x" in state:  # chumpy.Ch: the array itself
+        return as_array(state["x"])
+    if "a" in state and "idxs" in state:  # chumpy's Select: some entries of another array
+        chosen = as_array(state["a"]).ravel()[as_array(state["idxs"])]
+        shape = state.get("preferred_shape")
+        return chosen.reshape(shape) if shape is not None else chosen
+    raise ValueError(f"an object with fields {sorted(state)} holds no array")
+
+
+def _dense(state: Mapping[str, Any]) -> np.ndarray:
+    """A compressed sparse column matrix, written out."""
+    rows, columns = state["_shape"]
+    indices, starts = as_array(state["indices"]), as_array(state["indptr"])
+    if len(starts) != columns + 1:
+        raise ValueError(f"a sparse matrix {rows}x{columns} is not stored by columns")
+    dense = np.zeros((rows, columns))
+    dense[indices, np.repeat(np.arange(columns), np.diff(starts))] = as_array(state["data"])
+    return dense
+
 
 _KINDS = {24: ("smpl", SMPL_JOINTS), 52: ("smplh", SMPLH_JOINTS), 55: ("smplx", SMPLX_JOINTS)}
 _NEEDED = ("v_template", "shapedirs", "J_regressor", "weights", "kintree_table", "f")

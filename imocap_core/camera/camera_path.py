@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int64
 from scipy.spatial.transform import Rotation, Slerp
 
-from imocap_core.camera.feature_tracks import FeatureTracks
-from imocap_core.camera.pose_refinement import PointEvidence, errors_px, refine
+from imocap_core.camera.background import FeatureTracks
+from imocap_core.camera.pnp import PointEvidence, errors_px, refine
 from imocap_core.camera.projection import camera_from_world, intrinsics
 
 FEWEST_POINTS = 12  # that a frame's pose is fitted to

@@ -1,4 +1,11 @@
-"""Direction of gravity: the posterior of up, from how cameras are held and how bodies stand."""
+"""The one world that is level: direction of gravity, ground plane, camera axes to world axes.
+
+From camera axes to world axes, and from a world to another one.
+
+Direction of gravity: the posterior of up, from how cameras are held and how bodies stand.
+
+Ground plane estimation, and the one world that is level with it.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +13,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
+from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import (
+    BALLS,
     LEAN_AHEAD,
+    PART_RADII_M,
+    PARTS,
     LevelPrior,
     Support,
     balance_cost,
@@ -19,9 +32,90 @@ from imocap_core.camera.tilt_evidence import (
     hanging_cost,
     perpendicular,
     plane_cost,
+    planted_feet,
+    planted_weight,
     support_of,
     trunk_cost,
+    weighted_quantile,
 )
+from imocap_core.rotations import unwrap
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """The motion of one video's body, in the axes of a camera or of the world.
+
+    theta: axis-angle pose, radians, the root first. trans: SMPL's translation, metres. joints:
+    metres, the pelvis first.
+    """
+
+    theta: Float[np.ndarray, "T P"]
+    trans: Float[np.ndarray, "T 3"]
+    joints: Float[np.ndarray, "T J 3"]
+
+
+@dataclass(frozen=True)
+class Extrinsics:
+    """Camera pose: x_cam = R x_world + t, t in metres."""
+
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, "3"]
+
+
+@dataclass(frozen=True)
+class GroundAlignment:
+    """Rigid transform to an upright world, one axis up and the ground at 0:
+    x_upright = R_upright_from_world x_world + t, metres."""
+
+    R_upright_from_world: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, "3"]
+
+
+def to_world(motion: BodyMotion, camera: Extrinsics) -> BodyMotion:
+    """A motion in camera axes, in world axes: x_world = R^T (x_cam - t).
+
+    Of theta only the root's rotation changes; its axis-angle vector is unwrapped over time. trans
+    is not a point of the body but a shift relative to the rest pose's pelvis, which does not
+    change: pelvis = rest pelvis + trans.
+    """
+    R_world_from_cam = camera.R.T
+    root = Rotation.from_matrix(R_world_from_cam) * Rotation.from_rotvec(motion.theta[:, :3])
+    rest_pelvis = motion.joints[:, 0] - motion.trans
+    joints = (motion.joints - camera.t) @ camera.R
+    root_path = unwrap(torch.as_tensor(root.as_rotvec())).numpy()
+    theta = np.concatenate([root_path, motion.theta[:, 3:]], axis=1)
+    return BodyMotion(theta, joints[:, 0] - rest_pelvis, joints)
+
+
+def align_motion_to_ground(motion: BodyMotion, ground: GroundAlignment) -> BodyMotion:
+    """A motion in world axes, in the upright world."""
+    R_world_from_upright = ground.R_upright_from_world.T
+    return to_world(motion, Extrinsics(R_world_from_upright, -R_world_from_upright @ ground.t))
+
+
+def align_camera_to_ground(camera: Extrinsics, ground: GroundAlignment) -> Extrinsics:
+    """The pose of a camera relative to the upright world."""
+    R_cam_from_upright = camera.R @ ground.R_upright_from_world.T
+    return Extrinsics(R_cam_from_upright, camera.t - R_cam_from_upright @ ground.t)
+
+
+def y_up_axes(up: str) -> Float[np.ndarray, "3 3"]:
+    """Rotation from a world whose y or z points up to one whose y does: (x, y, z) to (x, z, -y)."""
+    return (
+        np.eye(3) if up == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    )
+
+
+def on_floor(points: Float[np.ndarray, "... 3"], up: str) -> Float[np.ndarray, "... 3"]:
+    """Points projected to the floor of a levelled world whose y or z points up."""
+    return points * np.where(np.array(["x", "y", "z"]) == up, 0.0, 1.0)
+
+
+def heading(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 3 3"]:
+    """Twist of rotations over time about y, which points up; it does not jump."""
+    angle = np.unwrap(2 * np.arctan2(R[:, 0, 2] - R[:, 2, 0], 1 + np.trace(R, axis1=1, axis2=2)))
+    return np.asarray(Rotation.from_rotvec(angle[:, None] * np.array([0.0, 1.0, 0.0])).as_matrix())
+
 
 MOMENTS = 40  # of a video that are looked at
 CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one observation
@@ -219,3 +313,100 @@ def _grid(centre: Float[np.ndarray, "3"], reach_deg: float) -> Float[np.ndarray,
     x, y = (a.ravel()[:, None] for a in np.meshgrid(side, side))
     around = centre + x * east + y * north
     return np.asarray(around / np.linalg.norm(around, axis=1, keepdims=True))
+
+
+BALL_ABOVE_SOLE_M = 0.027  # SMPL's foot joint above the sole, in the free body at rest
+HEIGHT_ROUNDS, HEIGHT_SCALE_M = 5, 0.05
+LEAST_HEIGHT_SD_M = 0.01
+PLANTED_QUANTILE = 0.4  # of slow feet: the others may be held still above the ground
+FEET_CARRY_M = 0.15  # above the lowest part: higher feet do not tell the floor
+LEAST_SIDEWAYS = 0.1  # length of a camera's horizontal direction below which it looks up or down
+Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+def estimate_ground(bodies: Sequence[FilmedBody], prior: LevelPrior) -> Ground:
+    """The ground under bodies in one world, and its uncertainty.
+
+    Without a frame that has all joints: up by the cameras, the height unknown (NaN).
+    """
+    estimate = estimate_up(bodies, prior)
+    whole = [b.joints[np.isfinite(b.joints).all(axis=(1, 2))] for b in bodies]
+    rows = [
+        _standing_on(x, b.fps, estimate.up) for x, b in zip(whole, bodies, strict=True) if len(x)
+    ]
+    if not rows:
+        return Ground(estimate.up, np.zeros(3), estimate.sd_deg, float("nan"))
+    soles, planted = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    height, height_sd_m = _height(soles, planted, len(rows))
+    middle = np.concatenate(whole)[:, 0].mean(axis=0)
+    origin = middle + (height - middle @ estimate.up) * estimate.up
+    return Ground(estimate.up, origin, estimate.sd_deg, 1000 * height_sd_m)
+
+
+def upright_alignment(
+    ground: Ground, R_cam_from_world: Float[np.ndarray, "3 3"], up_axis: str
+) -> GroundAlignment:
+    """From a world to the one that is level with its ground, with y or z up.
+
+    Its origin is the ground's. y up: a camera, that of the reference video, looks along -z, its
+    right is x. z up is the same world turned by a quarter about x (x, -z, y): it looks along y.
+
+    Raises:
+        ValueError: another axis.
+    """
+    if up_axis not in ("y", "z"):
+        raise ValueError(f"up axis: expected y or z, got {up_axis!r}")
+    ahead = R_cam_from_world[2]
+    if np.linalg.norm(np.cross(ahead, ground.up)) < LEAST_SIDEWAYS:
+        ahead = R_cam_from_world[1] * np.sign(ahead @ ground.up)  # looking down: the picture's top
+    right = np.cross(ahead, ground.up)
+    right /= np.linalg.norm(right)
+    R = np.stack([right, ground.up, np.cross(right, ground.up)])
+    if up_axis == "z":
+        R = Z_UP_FROM_Y_UP @ R
+    return GroundAlignment(R, -R @ ground.origin)
+
+
+def sole_depths_mm(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float[np.ndarray, " T"]:
+    """How far the lower sole is below the ground, millimetres; 0 above it."""
+    return np.asarray(1000 * np.maximum(-sole_heights_m(joints, ground), 0.0))
+
+
+def sole_heights_m(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float[np.ndarray, " T"]:
+    """Height of the lower sole above the ground."""
+    return np.asarray((ground.height_m(joints[:, BALLS]) - BALL_ABOVE_SOLE_M).min(axis=1))
+
+
+def _standing_on(
+    joints: Float[np.ndarray, "T 24 3"], fps: float, up: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """Heights of planted soles, and their weights; of the lowest part where no foot is as low."""
+    parts = joints[:, PARTS] @ up - PART_RADII_M
+    lowest = parts.argmin(axis=1)
+    soles = (joints[:, BALLS] @ up).min(axis=1) - BALL_ABOVE_SOLE_M
+    on_feet = soles < parts.min(axis=1) + FEET_CARRY_M
+    heights, weights = [parts.min(axis=1)[~on_feet]], []
+    steps = np.diff(joints[:, PARTS], axis=0, append=joints[-1:, PARTS])
+    speed = fps * np.linalg.norm(steps, axis=-1)
+    weights.append(planted_weight(speed[np.arange(len(joints)), lowest])[~on_feet])
+    if on_feet.any():
+        feet, planted = planted_feet(joints[on_feet], fps)
+        heights.append(feet @ up - BALL_ABOVE_SOLE_M)
+        weights.append(planted)
+    return np.concatenate(heights), np.concatenate(weights)
+
+
+def _height(
+    heights: Float[np.ndarray, " N"], planted: Float[np.ndarray, " N"], videos: int
+) -> tuple[float, float]:
+    """Height of planted feet, and its standard deviation, by reweighted least squares (Cauchy).
+
+    Errors of one video are one error: it counts once.
+    """
+    height = float(weighted_quantile(heights[None], planted, PLANTED_QUANTILE)[0])
+    weight = planted
+    for _ in range(HEIGHT_ROUNDS):
+        weight = planted / (1.0 + ((heights - height) / HEIGHT_SCALE_M) ** 2)
+        height = float(np.average(heights, weights=weight))
+    variance = float(np.average((heights - height) ** 2, weights=weight))
+    return height, max(float(np.sqrt(variance / videos)), LEAST_HEIGHT_SD_M)

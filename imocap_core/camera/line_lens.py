@@ -1,5 +1,12 @@
 """Radial distortion of a camera that stands, estimated from straight lines of the scene.
 
+Edges of a picture as chains of points, to a fraction of a pixel.
+
+An edge pixel (Canny, 1986) is moved along the gradient to where it is steepest, and linked with
+neighbours whose gradient points the same way. A chain that is not one slight bend is split.
+
+The background of a camera that stands, without the person who moves before it: a median.
+
 Plumb-line calibration (Brown, 1971) with one coefficient about the middle of the picture: without
 the distortion, as much of the picture's edges as possible is straight. Chains of edges are weighted
 by their length, robustly: what is round is round through any lens. The uncertainty comes from
@@ -8,17 +15,164 @@ drawing parts of the picture at random (bootstrap), as lines of one thing err to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
+from scipy.ndimage import map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from imocap_core.camera.edges import edge_chains
-from imocap_core.camera.lens import Lens, lens_of_corner
-from imocap_core.camera.still_background import StillBackground
+from imocap_core.camera.background import background_mask, filled_boxes
+from imocap_core.camera.projection import Lens, lens_of_corner
 from imocap_core.robust import geman_mcclure
+
+BLUR_PX = 1.0
+LOW, HIGH = 3.0, 7.5  # thresholds of the gradient, grey levels a pixel
+FINE = 8  # steps of a grey level: OpenCV takes whole numbers
+TURN_DEG = 18.0  # between the gradients of neighbours in a chain
+ROUGH_PX = 0.6  # root mean square distance from a parabola
+BENT = 0.12  # height of the bend over the chain's length, at most
+STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of the neighbours, row and column
+
+
+def edge_chains(
+    picture: UInt8[np.ndarray, "H W"], background: Bool[np.ndarray, "H W"], least_px: float
+) -> list[Float[np.ndarray, "_ 2"]]:
+    """Smooth chains of edge points of a grey picture, x and y, in order along the edge.
+
+    Args:
+        background: edges elsewhere are left out. least_px: length of the shortest chain.
+    """
+    smooth = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), BLUR_PX)
+    gx, gy = (cv2.Sobel(smooth, cv2.CV_32F, *by, scale=0.125) for by in ((1, 0), (0, 1)))
+    fine_x, fine_y = ((FINE * g).astype(np.int16) for g in (gx, gy))
+    canny = cv2.Canny(fine_x, fine_y, FINE * LOW, FINE * HIGH, L2gradient=True)
+    row, column = np.nonzero((canny > 0) & background)
+    inside = (row > 1) & (column > 1) & (row < len(canny) - 2) & (column < canny.shape[1] - 2)
+    row, column = row[inside], column[inside]
+    gradient = np.stack([gx[row, column], gy[row, column]], axis=1)
+    xy = _steepest(np.hypot(gx, gy), row, column, gradient)
+    labels = _linked(row, column, gradient, canny.shape)
+    chains: list[np.ndarray] = []
+    order = np.argsort(labels, kind="stable")
+    for part in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1):
+        if len(part) >= 0.7 * least_px:
+            chains += _smooth_parts(xy[part], least_px)
+    return chains
+
+
+def _steepest(
+    strength: Float[np.ndarray, "H W"],
+    row: np.ndarray,
+    column: np.ndarray,
+    gradient: Float[np.ndarray, "N 2"],
+) -> Float[np.ndarray, "N 2"]:
+    """Edge pixels moved along their gradients to the largest gradient: the top of a parabola."""
+    step = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-6)
+    here = np.stack([column, row], axis=1).astype(float)
+    before, middle, after = (_sampled(strength, here + k * step) for k in (-1.0, 0.0, 1.0))
+    curve = before - 2 * middle + after
+    top = np.where(curve < -1e-6, 0.5 * (before - after) / np.minimum(curve, -1e-6), 0.0)
+    return np.asarray(here + np.clip(top, -1.0, 1.0)[:, None] * step)
+
+
+def _sampled(values: Float[np.ndarray, "H W"], xy: Float[np.ndarray, "N 2"]) -> np.ndarray:
+    return np.asarray(map_coordinates(values, xy[:, ::-1].T, order=1))
+
+
+def _linked(
+    row: np.ndarray, column: np.ndarray, gradient: Float[np.ndarray, "N 2"], shape: tuple[int, ...]
+) -> np.ndarray:
+    """The chain of each edge pixel: connected neighbours of about the same gradient direction."""
+    number = np.full((shape[0] + 2, shape[1] + 2), -1)
+    number[row + 1, column + 1] = np.arange(len(row))
+    unit = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-6)
+    pairs = []
+    for down, right in STEPS:
+        other = number[row + 1 + down, column + 1 + right]
+        one = np.flatnonzero(other >= 0)
+        alike = (unit[one] * unit[other[one]]).sum(axis=1) > np.cos(np.radians(TURN_DEG))
+        pairs.append(np.stack([one[alike], other[one[alike]]]))
+    a, b = np.concatenate(pairs, axis=1)
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(row), len(row)))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _smooth_parts(xy: Float[np.ndarray, "N 2"], least_px: float) -> list[np.ndarray]:
+    """A chain, or where it is not one slight bend, its parts."""
+    middle = xy.mean(axis=0)
+    _, _, axes = np.linalg.svd(xy - middle, full_matrices=False)
+    along, across = ((xy - middle) @ axis for axis in axes)
+    order = np.argsort(along)
+    length = float(along[order[-1]] - along[order[0]])
+    if length < least_px:
+        return []
+    parabola = np.polyfit(along, across, 2)
+    off = across - np.polyval(parabola, along)
+    rough, bend = float(np.sqrt(np.mean(off**2))), abs(float(parabola[0]))
+    if rough <= ROUGH_PX and bend * (length / 2) ** 2 <= BENT * length:
+        return [xy[order]]
+    if length < 2 * least_px:
+        return []
+    worst = along[np.argmax(np.abs(off))]
+    cut = float(np.clip(worst, along.min() + 0.25 * length, along.max() - 0.25 * length))
+    return [
+        part for side in (along < cut, along >= cut) for part in _smooth_parts(xy[side], least_px)
+    ]
+
+
+MOST = 15  # pictures
+FEWEST_OF_A_PIXEL = 2  # pictures that show the background there
+
+
+@dataclass(frozen=True)
+class StillBackground:
+    """A grey picture, and where it is background: where the person is not always in front of it."""
+
+    picture: UInt8[np.ndarray, "H W"]
+    is_background: Bool[np.ndarray, "H W"]
+
+
+@dataclass(frozen=True)
+class KeptPictures:
+    """Some of a video's T pictures, evenly over it, filled as the video is read once."""
+
+    count: int
+    by_frame: dict[int, UInt8[np.ndarray, "H W"]]
+
+    def passing(self, pictures: Iterable[UInt8[np.ndarray, "H W"]]) -> Iterator[np.ndarray]:
+        """The pictures, unchanged; some are sampled."""
+        wanted = set(np.linspace(0, self.count - 1, MOST).astype(int).tolist())
+        for frame, picture in enumerate(pictures):
+            if frame in wanted:
+                self.by_frame[frame] = picture
+            yield picture
+
+
+def still_background(sampled: KeptPictures, box_px: Float[np.ndarray, "T 4"]) -> StillBackground:
+    """The median of the kept pictures, each without the person's padded box.
+
+    Args:
+        box_px: x0, y0, x1, y1 of the person in pixels of these pictures; NaN where unknown.
+    """
+    boxes = filled_boxes(box_px)
+    pictures = list(sampled.by_frame.values())
+    masks = [background_mask(p.shape, boxes[t]) > 0 for t, p in sampled.by_frame.items()]
+    return _median(pictures, masks)
+
+
+def _median(pictures: Sequence[np.ndarray], masks: Sequence[np.ndarray]) -> StillBackground:
+    shown = np.stack(masks)
+    ordered = np.sort(np.where(shown, np.stack(pictures).astype(np.int16), 256), axis=0)
+    count = shown.sum(axis=0)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+    least = min(FEWEST_OF_A_PIXEL, len(pictures))
+    return StillBackground(np.minimum(middle, 255).astype(np.uint8), count >= least)
+
 
 TRIED = np.arange(-0.14, 0.1001, 0.004)  # `LineLens.distortion`
 SHORTEST = 0.06  # chain, as a share of the picture's larger side

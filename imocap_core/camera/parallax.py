@@ -16,11 +16,17 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.camera.feature_tracks import FeatureTracks
+from imocap_core.camera.background import FeatureTracks
 from imocap_core.camera.projection import warp
-from imocap_core.camera.tripod import PairPoints, TrackedPair, TripodCamera
-from imocap_core.camera.tripod_fit import fit_tripod
-from imocap_core.camera.turning_lens import LEAST, TurningLens, turning_lens
+from imocap_core.camera.tripod import (
+    LEAST,
+    PairPoints,
+    TrackedPair,
+    TripodCamera,
+    TurningLens,
+    fit_tripod,
+    turning_lens,
+)
 
 ParallaxVerdict = Literal["none", "found", "flat", "untested"]
 

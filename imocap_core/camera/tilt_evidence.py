@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.body.mass import centre_of_mass
+from imocap_core.body.kinematics import centre_of_mass
 from imocap_core.conventions import SIDES, SMPL_JOINTS
 
 ROLL_DOF, PITCH_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = (

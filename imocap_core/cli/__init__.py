@@ -7,8 +7,8 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from imocap_core.cli.signals import stopped_by_signals
 from imocap_core.errors import ImocapError, Stopped, WrongUse, program_fault, system_fault
+from imocap_core.process import stopped_by_signals
 
 GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback", "--allow-scripts")
 

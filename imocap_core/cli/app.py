@@ -9,28 +9,39 @@ from typing import Annotated, Any
 
 import typer
 
-from imocap_core.cli.angles_command import angles_command
-from imocap_core.cli.benchmark_command import add_benchmarks
-from imocap_core.cli.clean_command import clean_command
-from imocap_core.cli.collect_command import collect_command
-from imocap_core.cli.compare_command import compare_command
-from imocap_core.cli.detect_command import detect_command
-from imocap_core.cli.doctor_command import doctor_command
-from imocap_core.cli.export_command import export_command
-from imocap_core.cli.formats_command import formats_command
-from imocap_core.cli.init_command import init_command
-from imocap_core.cli.list_command import list_command
-from imocap_core.cli.params_command import params_command
-from imocap_core.cli.people_command import people_command
-from imocap_core.cli.pick_command import pick_command
-from imocap_core.cli.report_command import report_command
-from imocap_core.cli.run_all_command import run_all_command
-from imocap_core.cli.run_commands import run_command, stage_command
-from imocap_core.cli.share_commands import pull_command, push_command
-from imocap_core.cli.status_commands import explain_command, status_command
-from imocap_core.cli.sync_command import sync_command
-from imocap_core.cli.video_command import video_command
-from imocap_core.cli.view_command import view_command
+from imocap_core.cli.action_commands import (
+    clean_command,
+    collect_command,
+    detect_command,
+    init_command,
+    list_command,
+    people_command,
+    pick_command,
+    pull_command,
+    push_command,
+)
+from imocap_core.cli.reference_commands import (
+    add_benchmarks,
+    doctor_command,
+    formats_command,
+    params_command,
+)
+from imocap_core.cli.result_commands import (
+    angles_command,
+    compare_command,
+    export_command,
+    report_command,
+    sync_command,
+    video_command,
+    view_command,
+)
+from imocap_core.cli.run_commands import (
+    explain_command,
+    run_all_command,
+    run_command,
+    stage_command,
+    status_command,
+)
 from imocap_core.errors import WrongUse
 from imocap_core.version import __version__
 
@@ -101,7 +112,7 @@ def _everywhere(
         raise WrongUse(f"--root {root}: the folder does not exist")
     context.obj = root
     if allow_scripts:
-        from imocap_core.pipeline.allowed_scripts import allow_scripts as allow
+        from imocap_core.pipeline.graph import allow_scripts as allow
 
         allow(root)
 

@@ -1,15 +1,22 @@
-"""What the commands have in common: their arguments, the working folder, the terminal.
+"""What the commands have in common: their arguments, the working folder, the terminal, `--json`.
+
+What the commands have in common: their arguments, the working folder, the terminal.
 
 Importing a command imports nothing heavy, so that `imocap -h` and `imocap --version` answer at
 once: what a command needs it imports when it runs.
+
+`--json`: one JSON document on the standard output, and nothing else.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +24,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from imocap_core.workspace import Workspace
+
 
 BUILT_IN = ("yoga", "taichi")
 
@@ -103,7 +111,7 @@ def ask_about_scripts(context: typer.Context) -> None:
     """On a terminal, ask before scripts of the working folder run; elsewhere they are refused."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         return
-    from imocap_core.pipeline.allowed_scripts import allow_scripts, foreign_scripts
+    from imocap_core.pipeline.graph import allow_scripts, foreign_scripts
 
     scripts = foreign_scripts(workspace_of(context).pipeline())
     if scripts:
@@ -131,3 +139,24 @@ def shortened(sentences: Sequence[str]) -> list[str]:
         return list(sentences)
     others = counted(len(sentences) - 1, "more remark")
     return [f"{sentences[-1].rstrip('.')} ({others}: --verbose)."]
+
+
+def print_json(document: Any) -> None:
+    """Write a document of plain data, dataclass instances and paths; NaN and infinity as null."""
+    sys.stdout.write(json.dumps(plain(document), indent=1, allow_nan=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON's types."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(part) for part in value]
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    number = value.item() if hasattr(value, "item") else value
+    return None if isinstance(number, float) and not math.isfinite(number) else number

@@ -1,4 +1,11 @@
-"""`imocap run` and `stage`: run what has changed."""
+"""`imocap run`, `stage`, `run-all`, `status`, `explain`: run what has changed, and why.
+
+`imocap run` and `stage`: run what has changed.
+
+`imocap run-all`: many actions, on every core or on a cluster.
+
+`imocap status` and `explain`: what is cached, and why something would run.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from imocap_core.cli.json_output import print_json
 from imocap_core.cli.options import (
     ActionName,
     Device,
@@ -20,6 +26,7 @@ from imocap_core.cli.options import (
     action_names,
     ask_about_scripts,
     counted,
+    print_json,
     root_of,
     shortened,
     speaker,
@@ -30,9 +37,12 @@ from imocap_core.errors import ImocapError, WrongUse
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from imocap_core.library.progress import Progress
+    from imocap_core.diagnostics.findings import Verdict
+    from imocap_core.library.api_errors import Progress
+    from imocap_core.library.run_all import ActionEnd
     from imocap_core.library.running import Run
-    from imocap_core.verdict.findings import Verdict
+    from imocap_core.library.status import Explanation
+
 
 Force = Annotated[bool, typer.Option("--force", help="Run cached stages too.")]
 
@@ -65,7 +75,7 @@ def run_command(
     from imocap_core.library.new_action import action_of_words
     from imocap_core.library.running import run_action
     from imocap_core.library.terminal import Terminal
-    from imocap_core.pipeline.device import check_device
+    from imocap_core.process import check_device
 
     check_device(device)  # before an action is made of videos
     if watch:
@@ -159,7 +169,7 @@ def stage_command(
 def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     from rich.markup import escape
 
-    from imocap_core.library.report_page import report_page
+    from imocap_core.library.run_document import report_page
 
     for note in done.notes if verbose else shortened(done.notes):
         console.print(escape(note))
@@ -188,3 +198,194 @@ def terminal_lines(verdict: Verdict, verbose: bool = False) -> list[str]:
 def warnings_of(verdict: Verdict) -> list[str]:
     """What to know beside the three sentences."""
     return [finding.sentence for finding in verdict.findings if finding.kind != "joints"]
+
+
+def run_all_command(
+    context: typer.Context,
+    actions: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Names below actions/, or actions' folders.", autocompletion=action_names
+        ),
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Every action below actions/.")] = False,
+    executor: Annotated[
+        str, typer.Option(help="serial, processes (of this machine) or dask.")
+    ] = "processes",
+    workers: Annotated[
+        int | None, typer.Option(help="Worker processes.", show_default="one a core")
+    ] = None,
+    address: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="A Dask scheduler to use.")
+    ] = None,
+    memory: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Largest memory of a worker, as 4G.")
+    ] = None,
+    retries: Annotated[int, typer.Option(help="Further attempts at a task whose worker died.")] = 1,
+    sets: Sets = [],  # noqa: B006
+    store: SharedStore = None,
+    device: Device = "cpu",
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Run many actions, several at once, to their reports.
+
+    One that fails stops no other; the exit code is 1 when one did.
+    """
+    from imocap_core.library.run_all import ExecutorChoice, check_choice, run_all
+    from imocap_core.library.run_all_terminal import ManyActions
+    from imocap_core.process import memory_size
+
+    if bool(actions) == every:
+        raise WrongUse("expected actions, or --all for every one below actions/: one of them")
+    limit = None if memory is None else memory_size(memory)
+    choice = ExecutorChoice(executor, workers, address, limit, retries)
+    check_choice(choice)
+    chosen = None if every else actions
+    if as_json:
+        ends = run_all(
+            chosen,
+            root=root_of(context),
+            params=sets,
+            executor=choice,
+            store=store,
+            device=device,
+        )
+        print_json({"actions": ends})
+    else:
+        ask_about_scripts(context)
+        console = speaker()
+        with ManyActions(console, verbose=verbose) as display:
+            ends = run_all(
+                chosen,
+                root=root_of(context),
+                params=sets,
+                executor=choice,
+                store=store,
+                device=device,
+                listener=display.listener(),
+            )
+        _print_summary_of_all(console, ends, verbose)
+    if any(end.state == "failed" for end in ends):
+        raise typer.Exit(1)
+
+
+def _print_summary_of_all(console: Console, ends: list[ActionEnd], verbose: bool) -> None:
+    from rich.markup import escape
+
+    for end in ends:
+        summary = end.stages[-1].summary if end.stages else ()
+        if verbose and summary:
+            console.print(escape(f"\n{end.action}: " + " ".join(summary)))
+    failed = [end for end in ends if end.state == "failed"]
+    console.print(
+        f"\n{counted(len(ends), 'action')}: {len(ends) - len(failed)} done, {len(failed)} failed."
+    )
+    for end in failed:
+        console.print(escape(f"* {end.action}: {end.fault}"))
+    if failed:
+        console.print("What was finished is stored; run again to go on.")
+
+
+MAX_REASONS = 3
+
+
+def status_command(
+    context: typer.Context,
+    action: ActionName,
+    sets: Sets = [],  # noqa: B006
+    store: SharedStore = None,
+    as_json: Json = False,
+) -> None:
+    """Show which stages are cached, and why others would run."""
+    from imocap_core.library.status import left_out_notes, left_out_of, status, stored_of, verdict
+
+    stages = status(action, root=root_of(context), params=sets, store=store)
+    stored = stored_of(stages)
+    if as_json:
+        rows = [
+            {
+                "stage": stage.stage,
+                "state": stage.state,
+                "why": stage.why,
+                "digest": None if stage.stored is None else stage.stored.digest,
+            }
+            for stage in stages
+        ]
+        judged = verdict(action, root=root_of(context), params=sets)
+        names = [
+            {"video": video, "reason": reason} for video, reason in left_out_of(stored).items()
+        ]
+        print_json({"action": action, "stages": rows, "left_out": names, "verdict": judged})
+        return
+    from rich.markup import escape
+
+    console = speaker()
+    for stage in stages:
+        if stage.stored is not None:
+            state = f"[dim]cached     {stage.stored.digest[:12]}[/]"
+        else:
+            state = f"would run  {escape(reasons(stage.why))}"
+        console.print(f"{stage.stage:<14} {state}")
+    for note in left_out_notes(stored):
+        console.print(escape(note))
+
+
+def explain_command(
+    context: typer.Context,
+    action: ActionName,
+    stage: StageName,
+    sets: Sets = [],  # noqa: B006
+    as_json: Json = False,
+) -> None:
+    """Show all that a stage's result depends on, and what changed."""
+    from imocap_core.library.status import explain
+
+    explanation = explain(action, stage, root=root_of(context), params=sets)
+    if as_json:
+        print_json({"action": action, "stage": stage} | _document(explanation))
+    else:
+        _print(stage, explanation)
+
+
+def _document(explanation: Explanation) -> dict[str, object]:
+    recipe = explanation.recipe
+    parts: dict[str, object] = {
+        "state": explanation.status.state,
+        "why": explanation.status.why,
+        "missing": explanation.missing,
+    }
+    if recipe is not None:
+        parts |= {
+            "key": recipe.key,
+            "seed": recipe.seed,
+            "inputs": recipe.inputs,
+            "reads": recipe.reads,
+            "code": recipe.code,
+            "params": recipe.params,
+        }
+    return parts
+
+
+def _print(stage: str, explanation: Explanation) -> None:
+    console = speaker(markup=False)
+    console.print(f"{stage}: {explanation.status.state}")
+    recipe = explanation.recipe
+    if recipe is None:
+        console.print(f"  after {', '.join(explanation.missing)}")
+        return
+    for why in explanation.status.why:
+        console.print(f"  because {why}")
+    console.print(f"key     {recipe.key}\nseed    {recipe.seed}")
+    for title, leaves in (("input", recipe.inputs), ("read", recipe.reads), ("code", recipe.code)):
+        for name, digest in leaves.items():
+            console.print(f"{title:<7} {digest[:12]}  {name}")
+    for group, values in recipe.params.items():
+        for name, value in values.items():
+            console.print(f"param   {group}.{name} = {value}")
+
+
+def reasons(why: list[str]) -> str:
+    """The first few reasons, and how many more there are."""
+    more = len(why) - MAX_REASONS
+    return "; ".join(why[:MAX_REASONS]) + (f"; and {more} more" if more > 0 else "")

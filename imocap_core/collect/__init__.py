@@ -1,13 +1,15 @@
 """`imocap collect`: from long films to the videos of an action.
 
 Reading order:
-    bars, gradual, shots    a film cut into its shots
-    tracks, films           the people of each shot, followed and lifted to 3D
-    features, film_tracks   poses that can be compared from any view and at any speed
-    matching, occurrences   a template's occurrences in all tracks, at any speed, mirrored too
-    dominant, movement      the template: an example's movement, or the one that is repeated most
-    replays, same_takes     replays and duplicates: the same take shown again
-    choice                  the occurrences that become videos, and the reasons of the others
-    listing, writing        collected.json and action.yaml
-    collect                 all of it
+    collect     from films to the list of what is in them, and the action of the chosen occurrences
+    shots       shots of a film: the spans between its cuts and gradual transitions
+    films       a long film looked through: its shots, and everybody detected and followed in it
+    matching    occurrences of a template movement in tracks: subsequence DTW at several playback
+                rates
+    movement    the movement that is looked for: that of an example, or the one that is repeated
+                most
+    same_takes  occurrences that show one take, replays included, and the one of each group that
+                stays
+    listing     occurrences of the action, which of them become videos; collected.json and
+                action.yaml
 """

@@ -6,41 +6,41 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.collect.choice import decide
-from imocap_core.collect.cycles import cycles_of, in_whole_cycles
-from imocap_core.collect.film_tracks import FilmTracks, film_tracks
 from imocap_core.collect.films import LongFilm, look_through
-from imocap_core.collect.further_examples import (
-    by_further_examples,
-    matches_of_all,
-    threshold,
-)
 from imocap_core.collect.listing import (
     CollectedList,
     ListedFilm,
     ListedOccurrence,
     ListedTemplate,
+    Occurrence,
+    decide,
     listed_occurrence,
     listed_shot,
     occurrence_names,
+    occurrence_of,
     seconds,
+    shows_same,
 )
-from imocap_core.collect.matching import Match
+from imocap_core.collect.matching import FilmTracks, Match, film_tracks
 from imocap_core.collect.movement import (
     Example,
     SoughtMovement,
+    by_further_examples,
+    cycles_of,
     example_movement,
+    in_whole_cycles,
+    matches_of_all,
     repeated_movement,
+    threshold,
 )
-from imocap_core.collect.occurrences import Occurrence, occurrence_of, shows_same
 from imocap_core.collect.same_takes import showings
 from imocap_core.conventions import mirror_indices
 from imocap_core.detect.detectors import detector_of
 from imocap_core.errors import WorkFailed
 from imocap_core.params import CollectParams, Params
-from imocap_core.pipeline.declared_paths import declared_path
+from imocap_core.pipeline.action import declared_path
 from imocap_core.pipeline.runner import Display
-from imocap_core.standalone_sync.sources import VideoSource, labels
+from imocap_core.sync_sources import VideoSource, labels
 from imocap_core.workspace import Workspace
 
 STEP = "collect"

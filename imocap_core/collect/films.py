@@ -1,23 +1,122 @@
-"""A long film looked through: its shots, and everybody detected in it."""
+"""A long film looked through: its shots, and everybody detected and followed in it.
+
+The people of every shot: followed within it, never across a boundary, and lifted to 3D.
+
+A long film looked through: its shots, and everybody detected in it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from imocap_core.artifacts.store import Store
 from imocap_core.collect.shots import Shot, find_shots
-from imocap_core.collect.tracks import FilmPeople
-from imocap_core.detect.detection import detect_video, detections_file
+from imocap_core.detect.detection import detect_video, detections_file, set_up
 from imocap_core.detect.detectors import Detector
-from imocap_core.detect.setup import set_up
-from imocap_core.io.detectors.by_name import read_detections
+from imocap_core.io.readers.keypoint_readers import read_detections
 from imocap_core.io.video import VideoInfo, probe, read_gray
+from imocap_core.lifter.infer import lift
+from imocap_core.lifter.lifter_network import load_lifter, to_common
+from imocap_core.people.performer import ranked_tracks
+from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.runner import Display
+
+LEAST_S = 0.3  # shorter tracks show no movement
+LEAST_RANK = 0.05  # of the best score of the shot: people with less are far away, or false
+
+
+@dataclass(frozen=True)
+class ShotTrack:
+    """One person in one shot of a film, in T frames without gaps.
+
+    film, shot: indices. track: rank in the shot, from 0. first: frame of the film. joints: metres,
+    camera axes, about the pelvis; sigma_m: their predicted errors. visible: whether the frame shows
+    the person. box_px: NaN where it does not.
+    """
+
+    film: int
+    shot: int
+    track: int
+    first: int
+    fps: float
+    joints: Float[np.ndarray, "T 24 3"]
+    sigma_m: Float[np.ndarray, "T 24"]
+    visible: Bool[np.ndarray, " T"]
+    xy_px: Float[np.ndarray, "T K 2"]
+    confidence: Float[np.ndarray, "T K"]
+    box_px: Float[np.ndarray, "T 4"]
+
+    @property
+    def stop(self) -> int:
+        """One past its last frame of the film."""
+        return self.first + len(self.joints)
+
+
+@dataclass(frozen=True)
+class FilmPeople:
+    """Everybody detected in every frame of a film (K points of `layout`: x, y, confidence)."""
+
+    people: Sequence[Float[np.ndarray, "_ K 3"]]
+    size: tuple[int, int]
+    fps: float
+    layout: str
+
+
+def shot_tracks(
+    film: int, people: FilmPeople, shots: Sequence[Shot], min_confidence: float, max_gap_s: float
+) -> list[ShotTrack]:
+    """The people of a film's shots, the most prominent of each shot first."""
+    tracks = []
+    for number, shot in enumerate(shots):
+        if shot.still:
+            continue
+        ranked = ranked_tracks(
+            people.people[shot.first : shot.stop],
+            people.size,
+            people.fps,
+            min_confidence=min_confidence,
+            max_gap_s=max_gap_s,
+        )
+        for rank, (score, track) in enumerate(ranked):
+            if score < LEAST_RANK * ranked[0][0] or len(track.frames) < LEAST_S * people.fps:
+                continue
+            tracks.append(_lifted(film, number, rank, shot.first, track, people))
+    return tracks
+
+
+def _lifted(
+    film: int, shot: int, rank: int, first: int, track: PersonTrack, people: FilmPeople
+) -> ShotTrack:
+    begin = track.frames[0]
+    rows = np.array(track.frames) - begin
+    poses = np.full((rows[-1] + 1, *track.poses[0].shape), np.nan)
+    poses[rows] = np.stack(track.poses)
+    xy, confidence = poses[..., :2], np.nan_to_num(poses[..., 2])
+    box = np.full((len(poses), 4), np.nan)
+    box[rows] = [box_of(pose) for pose in track.poses]
+    focal_px = float(max(people.size))
+    rays = (xy - 0.5 * np.array(people.size)) / focal_px
+    points, trust = to_common(rays, confidence, people.layout)
+    lifted = lift(load_lifter(), points, trust, people.fps)
+    return ShotTrack(
+        film,
+        shot,
+        rank,
+        first + begin,
+        people.fps,
+        lifted.joints,
+        lifted.sigma_m,
+        lifted.visible,
+        xy,
+        confidence,
+        box,
+    )
+
 
 COMPARED_PX = 160  # larger side of the pictures in which shots are looked for
 

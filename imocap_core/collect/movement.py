@@ -1,25 +1,234 @@
-"""The movement that is looked for: that of an example, or the one that is repeated most."""
+"""The movement that is looked for: that of an example, or the one that is repeated most.
+
+Whole cycles of people who repeat a movement: neither half of one, nor one twice.
+
+Subsequence matching finds the most alike stretch, which may be a part of the movement, or several
+that overlap. Where a person repeats the movement within a shot, the clip itself says where a cycle
+begins and ends (`sync/repetition`).
+
+The dominant repeated movement of films: the stretch that explains most of all other stretches.
+
+As in `imocap_core.sync.repetition`, but over many tracks: a stretch of one is a
+template, and what counts is how much its occurrences elsewhere explain.
+
+The clearest matches of an example serve as further examples.
+
+One example shows the movement from one side, by one performer; its occurrences in the films are
+nearer to each other. So the clearest matches become templates, too, and a match has the mean of its
+scores under all templates. One wrong match among them weighs little.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
 from imocap_core.body.layouts import layout_names
-from imocap_core.collect.cycles import cycle_around, cycles_of
-from imocap_core.collect.dominant import dominant_template
-from imocap_core.collect.features import RATE_HZ, at_rate, part_of, samples_of
-from imocap_core.collect.film_tracks import FilmTracks
-from imocap_core.collect.films import LongFilm
-from imocap_core.collect.matching import Template, template_of
+from imocap_core.collect.films import LongFilm, ShotTrack, shot_tracks
+from imocap_core.collect.matching import (
+    RATE_HZ,
+    RATES,
+    FilmTracks,
+    Match,
+    Template,
+    TrackSamples,
+    at_rate,
+    matches_in,
+    mirrored,
+    overlap,
+    part_of,
+    samples_of,
+    score_threshold,
+    similarity,
+    template_of,
+)
 from imocap_core.collect.same_takes import shows_again
 from imocap_core.collect.shots import Shot
-from imocap_core.collect.tracks import shot_tracks
 from imocap_core.conventions import mirror_indices
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import CollectParams, KeypointsParams, RepetitionParams
+from imocap_core.sync.repetition import Span, best_totals, find_repetitions, subsequence_dtw
+
+WITHIN = 0.7  # of a stretch lies in the cycle that it is a part of
+
+
+def cycles_of(track: ShotTrack, params: RepetitionParams) -> tuple[Span, ...]:
+    """Frames of the track's cycles, from each one's first to one past its last; none where it shows
+    fewer than two."""
+    spans = find_repetitions(track.joints, track.fps, params).spans
+    return spans if len(spans) > 1 else ()
+
+
+def cycle_around(first: int, stop: int, cycles: Sequence[Span]) -> Span | None:
+    """The cycle of which some frames are a part; None where they are not part of one."""
+    shared = {c: min(stop, c[1]) - max(first, c[0]) for c in cycles}
+    best = max(cycles, key=lambda c: shared[c], default=None)
+    inside = best is not None and shared[best] >= WITHIN * (stop - first)
+    return best if inside else None
+
+
+def in_whole_cycles(matches: Sequence[Match], cycles: Sequence[Span], least: float) -> list[Match]:
+    """The matches of one track that are occurrences, the best first.
+
+    A match that is part of a cycle is the whole cycle, each once. Who repeats the movement does so
+    in every cycle that matches at all, if one match is good enough.
+
+    Args:
+        matches: the best first, of any score. least: score from which on one is an occurrence.
+    """
+    if not matches or matches[0].score < least:
+        return []
+    cycles_taken: list[Match] = []
+    taken: set[Span] = set()
+    for match in matches:
+        cycle = cycle_around(match.first, match.stop, cycles)
+        if cycle is None:
+            if match.score >= least:
+                cycles_taken.append(match)
+        elif cycle not in taken:
+            taken.add(cycle)
+            rate = match.rate * (match.stop - match.first) / (cycle[1] - cycle[0])
+            cycles_taken.append(replace(match, first=cycle[0], stop=cycle[1], rate=rate))
+    return [
+        m
+        for k, m in enumerate(cycles_taken)
+        if not any(_same(m, other) for other in cycles_taken[:k])
+    ]
+
+
+def _same(a: Match, b: Match) -> bool:
+    """Whether the middle of either lies in the other."""
+    middle_a, middle_b = (a.first + a.stop) / 2, (b.first + b.stop) / 2
+    return b.first <= middle_a < b.stop or a.first <= middle_b < a.stop
+
+
+MAX_STARTS = 160  # stretches that are tried
+COUNTED = 0.5  # of the least likeness is subtracted: what is just like enough counts half
+TRIED_RATES = (0.25, 1.0)
+
+
+def dominant_template(
+    tracks: Sequence[Sequence[TrackSamples]],
+    pool: TrackSamples,
+    same_take: Callable[[int, int], bool],
+    params: CollectParams,
+) -> tuple[Template, int, int] | None:
+    """The template, the track that it is of, and the sample (at rate 1) that it begins with; None
+    where nothing recurs.
+
+    Args:
+        tracks: of each track its samples at several rates.
+        same_take: whether two tracks show one take, which explains nothing.
+    """
+    shortest, longest = (round(s * RATE_HZ) for s in (params.shortest_s, params.longest_s))
+    best: tuple[float, int, int, int] | None = None
+    for track, start in _starts(tracks, shortest):
+        stretch = part_of(at_rate(tracks[track], 1.0), slice(start, start + longest))
+        template = template_of(stretch, pool)
+        explained = np.zeros(len(stretch.frame))
+        for other, rates in enumerate(tracks):
+            gain = _explained(template, rates, params)
+            if gain.any() and other != track and not same_take(track, other):
+                explained += gain
+        explained[: shortest - 1] = 0.0
+        length = int(np.argmax(explained)) + 1
+        if best is None or explained[length - 1] > best[0]:
+            best = (float(explained[length - 1]), track, start, length)
+    if best is None or best[0] <= 0:
+        return None
+    _, track, start, length = best
+    stretch = part_of(at_rate(tracks[track], 1.0), slice(start, start + length))
+    return template_of(stretch, pool), track, start
+
+
+def _explained(
+    template: Template, rates: Sequence[TrackSamples], params: CollectParams
+) -> Float[np.ndarray, " n"]:
+    """How much of a track every beginning of a template explains: the weighted samples of its
+    occurrences, times by how much they exceed the least likeness."""
+    weight = np.cumsum(template.weight)
+    explained = np.zeros(len(weight))
+    for samples in rates:
+        if samples.rate in TRIED_RATES:
+            row = similarity(template, samples, params.match_level)
+            total, begin = subsequence_dtw(row)
+            least = params.recurring_score * weight[:, None]
+            value = np.where(total >= least, total - COUNTED * least, -np.inf)
+            explained = np.maximum(explained, best_totals(value, begin)[:, -1])
+    return explained
+
+
+def _starts(tracks: Sequence[Sequence[TrackSamples]], shortest: int) -> list[tuple[int, int]]:
+    """Tracks and samples at which templates begin, evenly over all of them."""
+    possible = [
+        (number, start)
+        for number, rates in enumerate(tracks)
+        for start in range(0, max(0, len(at_rate(rates, 1.0).frame) - shortest))
+    ]
+    step = max(3, -(-len(possible) // MAX_STARTS))
+    return possible[::step]
+
+
+LEAST_SCORE = 0.5  # of a further example
+MOST = 6
+SAME = 0.5  # of the shorter stretch that two matches of one occurrence share
+
+
+def matches_of_all(
+    people: FilmTracks, template: Template, params: CollectParams
+) -> list[list[Match]]:
+    """Of each track the matches of a template, the best first."""
+    pairs = zip(people.tracks, people.samples, strict=True)
+    return [matches_in(i, track, rates, template, params) for i, (track, rates) in enumerate(pairs)]
+
+
+def by_further_examples(
+    people: FilmTracks, matches: Sequence[Sequence[Match]], params: CollectParams
+) -> list[list[Match]]:
+    """The matches with the mean of their scores under the template and under the clearest ones, the
+    best first."""
+    examples, pool = clearest(matches, params), people.pool()
+    templates = [template_at(people, match, pool) for match in examples]
+    rematched = [matches_of_all(people, template, params) for template in templates]
+
+    def score(match: Match) -> float:
+        others = [
+            max((m.score for m in again[match.track] if overlap(m, match) > SAME), default=0.0)
+            for example, again in zip(examples, rematched, strict=True)
+            if example != match
+        ]
+        return float(np.mean([match.score, *others]))
+
+    scored = [[replace(match, score=score(match)) for match in of_track] for of_track in matches]
+    return [sorted(of_track, key=lambda m: -m.score) for of_track in scored]
+
+
+def clearest(matches: Sequence[Sequence[Match]], params: CollectParams) -> list[Match]:
+    """At most one match a track, those that are most alike."""
+    best = sorted((of_track[0] for of_track in matches if of_track), key=lambda m: -m.score)
+    least = max(LEAST_SCORE, threshold(matches, params))
+    return [match for match in best[:MOST] if match.score >= least]
+
+
+def threshold(matches: Sequence[Sequence[Match]], params: CollectParams) -> float:
+    """The score from which on a match is an occurrence."""
+    best = [max((m.score for m in of_track), default=0.0) for of_track in matches]
+    return score_threshold(best, params)
+
+
+def template_at(people: FilmTracks, match: Match, pool: TrackSamples) -> Template:
+    """The stretch that matches, at the playback rate nearest to its own, as the template shows it:
+    a mirrored one in a mirror."""
+    rate = min(RATES, key=lambda r: abs(np.log(r / match.rate)))
+    samples = at_rate(people.samples[match.track], rate)
+    stretch = part_of(samples, (samples.frame >= match.first) & (samples.frame < match.stop))
+    return template_of(mirrored(stretch) if match.mirrored else stretch, pool)
+
 
 LEAST_S = 0.3  # of an example
 

@@ -1,4 +1,9 @@
-"""Comparison: mean, spread and modes of an action's performances, and two performers."""
+"""Comparison: mean, spread and modes of an action's performances, and two performers.
+
+From a result to its performances at common moments, on one body.
+
+Joint angles of compared performances, and of two performers, at common moments.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +13,132 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
-from imocap_core.compare.sources import Performances
+from imocap_core.adapters.synchronisation import joint_weights_of
+from imocap_core.biomechanics.joint_angles import MeanCurve, joint_angles_deg, mean_curve, near
+from imocap_core.body import Shaped
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
-from imocap_core.motion.multiview.common_time import frame_positions, values_at
-from imocap_core.motion.multiview.timeline import sample_rotations
+from imocap_core.motion.multiview.timeline import frame_positions, sample_rotations, values_at
 from imocap_core.params import SyncParams
-from imocap_core.problem.synchronisation import joint_weights_of
+from imocap_core.result.body import local_rotations
+from imocap_core.result.result import ActionResult
+from imocap_core.result.video_motion import body_model_of
 from imocap_core.sync import synchronise
-from imocap_core.technique.consistency import consistency
-from imocap_core.technique.difference import Difference, difference
-from imocap_core.technique.mean_motion import MeanMotion, mean_motion, over_moments, spread
-from imocap_core.technique.modes import Modes, modes
-from imocap_core.technique.performances import AlignedPerformances, heading, mean_over, turned_by
+from imocap_core.technique import (
+    AlignedPerformances,
+    Difference,
+    MeanMotion,
+    Modes,
+    at_moments,
+    consistency,
+    difference,
+    facing_alike,
+    heading,
+    mean_motion,
+    mean_over,
+    modes,
+    over_moments,
+    spread,
+    to_the_front,
+    turned_by,
+)
+
+JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
+
+
+@dataclass(frozen=True, eq=False)
+class Performances:
+    """One action's performances, ready to be compared.
+
+    instances: facing alike, at the moments of `compared_moments`. clock_s (M, N): seconds of each
+    video's own clock at these. shaped: the body that all are put on. fps: moments a second.
+    left_out: performances not among them, and why.
+    """
+
+    action: str
+    instances: AlignedPerformances
+    clock_s: Float[np.ndarray, "M N"]
+    shaped: Shaped
+    fps: float
+    left_out: tuple[str, ...]
+
+
+def performers_of(result: ActionResult) -> list[str]:
+    """The performers declared of the videos that can be compared, in order of appearance."""
+    placed = [v for v in result.on_common_time() if v.id not in result.sync.mirrored]
+    return list(dict.fromkeys(v.performer for v in placed if v.performer is not None))
+
+
+def performances_of(
+    result: ActionResult, body: Shaped | None = None, performer: str | None = None
+) -> Performances:
+    """Performances of an action, or of one performer in it, in a level world (y up), on `body` or
+    the reference's.
+
+    WorkFailed when no video has a place on the common axis.
+    """
+    common = result.levelled("y").on_common_time()
+    mirrored = [v.id for v in common if v.id in result.sync.mirrored]
+    used = [v for v in common if v.id not in mirrored]
+    if performer is not None:
+        used = [v for v in used if v.performer == performer]
+    shaped = body or _reference_body(result)
+    R = np.stack([local_rotations(v.theta) for v in used])
+    placed = shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64)).joints.numpy()
+    count = len(JOINTS)
+    instances = AlignedPerformances(
+        ids=tuple(v.id for v in used),
+        joint_names=JOINTS,
+        phase_s=used[0].phase_s,
+        R_local=R[:, :, :count],
+        joints=(placed - placed[:, :, :1])[:, :, :count],
+        inside=np.stack([v.inside for v in used]),
+    )
+    moments = compared_moments(instances.inside)
+    instances = to_the_front(facing_alike(at_moments(instances, moments)))
+    clocks = [
+        frame_positions(result[i].phase_s, instances.phase_s).position / result[i].fps
+        for i in instances.ids
+    ]
+    return Performances(
+        action=result.action if performer is None else performer,
+        instances=instances,
+        clock_s=np.stack(clocks),
+        shaped=shaped,
+        fps=used[0].fps,
+        left_out=(
+            *(f"{i}: no place on the common axis" for i in common.left_out),
+            *(f"{i}: mirrored" for i in mirrored),
+        ),
+    )
+
+
+def compared_moments(inside: Bool[np.ndarray, "M N"]) -> Bool[np.ndarray, " N"]:
+    """Which of N moments to compare, given which performances show them (M, N).
+
+    The moments that all performances show; where these are fewer than half of those that at least
+    two show (one video is short), the latter.
+    """
+    shown = inside.sum(0)
+    everyone, two = shown == len(inside), shown >= min(2, len(inside))
+    return everyone if 2 * everyone.sum() >= two.sum() else two
+
+
+def several(performances: Performances) -> Performances:
+    """The same; WorkFailed unless there are at least two performances to compare."""
+    if len(performances.instances.ids) < 2:
+        raise WorkFailed(
+            f"{performances.action} has one performance, and its spread needs two or more: add "
+            f"videos, say `repetitions: true` of a long clip in action.yaml, or name a second "
+            f"action"
+        )
+    return performances
+
+
+def _reference_body(result: ActionResult) -> Shaped:
+    reference = result[result.reference]
+    return body_model_of(reference, hands=False).shape(torch.as_tensor(reference.betas))
+
 
 LEAST = 3  # moments that two actions must share
 
@@ -197,3 +316,78 @@ def _difference(
             second.spread_mm[nearest] / 1000,
         ),
     )
+
+
+Curves = dict[str, MeanCurve]
+OF_SIDES = (
+    "hip_flexion",
+    "hip_adduction",
+    "knee_flexion",
+    "ankle_dorsiflexion",
+    "shoulder_elevation",
+    "elbow_flexion",
+)
+SHOWN = (
+    *(f"{side}_{name}" for name in OF_SIDES for side in ("left", "right")),
+    "trunk_flexion",
+    "trunk_right_bending",
+    "trunk_left_rotation",
+    "pelvis_tilt",
+)
+"""Those that keypoints of a body determine and that have one plain meaning."""
+
+
+@dataclass(frozen=True, eq=False)
+class TechniqueAngles:
+    """Angles at N moments by name: mean and deviation over the performances, and each of these.
+
+    each (M, N): degrees, NaN where a performance does not show the moment.
+    """
+
+    mean: Curves
+    each: dict[str, Float[np.ndarray, "M N"]]
+
+
+def technique_angles(t: Technique) -> TechniqueAngles:
+    """Angles of an action's performances, at its moments."""
+    rest = t.performances.shaped.joints_rest.numpy()[: len(SMPL_JOINTS)]
+    of_each = [joint_angles_deg(in_smpl(R), rest) for R in t.instances.R_local]
+    inside = list(t.instances.inside)
+    mean = {name: mean_curve([a[name] for a in of_each], inside) for name in SHOWN}
+    each = {
+        name: np.stack(
+            [
+                near(np.where(i, a[name], np.nan), mean[name].mean_deg)
+                for a, i in zip(of_each, inside, strict=True)
+            ]
+        )
+        for name in SHOWN
+    }
+    return TechniqueAngles(mean, each)
+
+
+def pair_angles(pair: TechniquePair) -> tuple[Curves, Curves]:
+    """Mean and deviation of both performers' angles, at the pair's moments."""
+    first, second = technique_angles(pair.first).mean, technique_angles(pair.second).mean
+    clock = pair.second.instances.phase_s
+    frame = np.interp(pair.second_s, clock, np.arange(len(clock)))
+    of_first = {
+        name: MeanCurve(c.mean_deg[pair.index], c.sd_deg[pair.index], c.n[pair.index])
+        for name, c in first.items()
+    }
+    of_second = {
+        name: MeanCurve(
+            near(values_at(c.mean_deg, frame), of_first[name].mean_deg),
+            values_at(c.sd_deg, frame),
+            c.n[np.rint(frame).astype(np.int64)],
+        )
+        for name, c in second.items()
+    }
+    return of_first, of_second
+
+
+def in_smpl(R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N 24 3 3"]:
+    """Rotations of SMPL's first J joints with the others at rest."""
+    R = np.tile(np.eye(3), (len(R_local), len(SMPL_JOINTS), 1, 1))
+    R[:, : R_local.shape[1]] = R_local
+    return R

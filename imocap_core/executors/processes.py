@@ -1,26 +1,44 @@
-"""Tasks in processes of their own on this machine; a process that dies is replaced.
+"""Tasks in processes of their own on this machine, or on a Dask cluster.
+
+Tasks in processes of their own on this machine; a process that dies is replaced.
 
 Every worker is a fresh Python (`executors.worker`) with one thread of linear algebra and its share
 of the cores, joined to this one by its standard input and output. Where its output closes before
 the task has ended, the process has died: the kernel ends the largest one when memory runs out.
+
+The program of a worker process: tasks come in by its standard input, events leave by its
+standard output, both pickled twice, so that a task is imported by the thread that carries it out.
+
+Tasks on a Dask cluster: one of this machine, or any scheduler by its address.
+
+The scheduler gives a task whose worker died to another one, and gives up on a task that has ended
+several workers (`distributed.scheduler.allowed-failures`).
 """
 
 from __future__ import annotations
 
+import importlib.util
+import logging
 import os
 import pickle
 import queue
 import signal
 import subprocess
+import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, Any
 
-from imocap_core.errors import system_fault
-from imocap_core.executors.task import Begun, Ended, Event, Task, Watch
-from imocap_core.executors.worker import PROGRAM, receive, send
-from imocap_core.workers import cores, python_command
+from imocap_core.errors import WorkFailed, system_fault
+from imocap_core.executors.tasks import Begun, Ended, Event, Progressed, Task, Watch, attempt
+from imocap_core.process import limit_memory
+from imocap_core.workers import cores, python_command, take_share
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 KILL = 9
@@ -169,3 +187,220 @@ def _cause(exitcode: int) -> str:
         f"its process was ended from outside ({name}{why}); use fewer workers, or a machine "
         "with more memory"
     )
+
+
+PROGRAM = "from imocap_core.executors.processes import main; main()"
+
+
+def send(message: Any, stream: IO[bytes]) -> None:
+    """Write a task or an event."""
+    pickle.dump(pickle.dumps(message), stream)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> bytes:
+    """The next message, to be unpickled; EOFError where the other side has ended."""
+    try:
+        message: bytes = pickle.load(stream)
+    except (OSError, pickle.UnpicklingError):
+        raise EOFError from None
+    return message
+
+
+def main() -> None:
+    """Carry out tasks until the standard input closes: then the process that started this one has
+    no more, or has died, and a task at work ends with it.
+
+    Ctrl-C reaches all processes of a terminal; it is the starting one's to heed. What tasks print
+    goes to the standard error.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cores, memory_bytes = sys.argv[1:]
+    events = os.fdopen(os.dup(1), "wb")
+    with suppress(OSError):
+        os.dup2(2, 1)
+    take_share(int(cores))
+    if memory_bytes:
+        limit_memory(int(memory_bytes))
+    tasks: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+    busy = threading.Event()
+    threading.Thread(target=_listen, args=(tasks, busy), daemon=True).start()
+    while (message := tasks.get()) is not None:
+        task: Task = pickle.loads(message)
+        ended = _attempt(task, events)
+        busy.clear()
+        send(ended, events)
+
+
+def _attempt(task: Task, events: IO[bytes]) -> Ended:
+    return attempt(task, lambda share, text: send(Progressed(task, share, text), events))
+
+
+def _listen(tasks: queue.SimpleQueue[bytes | None], busy: threading.Event) -> None:
+    """Pass tasks on; when no more can come, end the loop above, or the process amid a task."""
+    while True:
+        try:
+            message = receive(sys.stdin.buffer)
+        except EOFError:
+            if busy.is_set():
+                os._exit(1)
+            tasks.put(None)
+            return
+        busy.set()
+        tasks.put(message)
+
+
+TOPIC = "imocap"
+AHEAD = 2  # tasks submitted for every thread of the cluster: workers never wait for this process
+CONNECT_S = 20
+WORKERS = "from distributed.cli.dask_worker import main; main()"
+WORKER_SETTINGS = {
+    "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
+    "DASK_LOGGING__DISTRIBUTED": "error",
+}
+MISSING = "the executor dask needs Dask's distributed: pip install 'imocap[dask]'"
+
+
+class Cluster:
+    """An executor on a Dask cluster; made by `dask_cluster`."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._futures: dict[str, Future] = {}
+        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._tasks: dict[str, Task] = {}
+        self._count = 0
+        client.subscribe_topic(TOPIC, self._heard)
+
+    def is_free(self) -> bool:
+        """Whether the cluster has few tasks waiting."""
+        threads = sum(self._client.nthreads().values())
+        return len(self._futures) < AHEAD * max(threads, 1)
+
+    def submit(self, task: Task) -> None:
+        """Hand a task to the scheduler."""
+        self._count += 1
+        self._tasks[task.name] = task
+        future = self._client.submit(
+            _on_worker,
+            task,
+            key=f"{task.name} #{self._count}",
+            priority=-task.priority,
+            pure=False,
+        )
+        self._futures[task.name] = future
+        future.add_done_callback(lambda future: self._events.put(_end_of(task, future)))
+
+    def wait(self, watch: Watch) -> Ended:
+        """Wait until an attempt ends."""
+        while not isinstance(event := self._events.get(), Ended):
+            watch(event)
+        del self._futures[event.task.name]
+        return event
+
+    def close(self) -> None:
+        """Cancel what has not ended."""
+        self._client.unsubscribe_topic(TOPIC)
+        self._client.cancel(list(self._futures.values()))
+
+    def _heard(self, event: tuple[float, Any]) -> None:
+        """What a worker logged."""
+        name, *rest = event[1]
+        task = self._tasks.get(name)
+        if task is None or name not in self._futures:
+            return
+        if len(rest) == 1:
+            self._events.put(Begun(task, str(rest[0])))
+        else:
+            self._events.put(Progressed(task, float(rest[0]), str(rest[1])))
+
+
+@contextmanager
+def dask_cluster(
+    workers: int,
+    address: str | None = None,
+    *,
+    memory_bytes: int | None = None,
+    announce: Callable[[str], None] = lambda text: None,
+) -> Iterator[Cluster]:
+    """An executor on a Dask cluster.
+
+    Args:
+        workers: processes of a cluster on this machine, each with one thread.
+        address: of a scheduler, instead of a cluster on this machine.
+        memory_bytes: largest memory of a worker of a cluster on this machine.
+        announce: called with the address of the dashboard, where bokeh is installed.
+
+    WorkFailed where distributed is not installed or the scheduler does not answer.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise WorkFailed(MISSING) from None
+    has_dashboard = importlib.util.find_spec("bokeh") is not None
+    local = _local_cluster(workers, memory_bytes) if address is None else nullcontext(address)
+    with local as address:
+        try:
+            client = Client(address, timeout=CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise WorkFailed(
+                f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"
+            ) from None
+        if has_dashboard:
+            announce(f"Dask's dashboard: {client.dashboard_link}")
+        executor = Cluster(client)
+        try:
+            yield executor
+        finally:
+            executor.close()
+            client.close()
+
+
+@contextmanager
+def _local_cluster(workers: int, memory_bytes: int | None) -> Iterator[str]:
+    """Address of a scheduler in this process, with workers of a Python that never imports this
+    process's main module, as `LocalCluster`'s would."""
+    from distributed import LocalCluster
+
+    options = [f"--nworkers={workers}", "--nthreads=1", "--no-dashboard", "--death-timeout=30"]
+    options.append(f"--memory-limit={memory_bytes or 0}")
+    with LocalCluster(
+        n_workers=0,
+        processes=False,
+        dashboard_address="127.0.0.1:0",
+        protocol="tcp://",
+        host="127.0.0.1",
+        silence_logs=logging.ERROR,
+    ) as cluster:
+        address = str(cluster.scheduler_address)
+        process = subprocess.Popen(
+            python_command(WORKERS, address, *options), env=os.environ | WORKER_SETTINGS
+        )
+        try:
+            yield address
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _on_worker(task: Task) -> Ended:
+    """One attempt, on one thread of a worker of the cluster, which others work beside."""
+    from distributed import get_worker
+
+    take_share(1)
+    worker = get_worker()
+    worker.log_event(TOPIC, (task.name, str(worker.name)))
+    return attempt(
+        task, lambda share, text: worker.log_event(TOPIC, (task.name, round(share, 3), text))
+    )
+
+
+def _end_of(task: Task, future: Future) -> Ended:
+    """How a task that the scheduler has ended came out."""
+    if future.status == "finished":
+        ended: Ended = future.result()
+        return ended
+    cause = future.exception() if future.status == "error" else None
+    if type(cause).__name__ == "KilledWorker":
+        return Ended(task, 0.0, None, f"its workers died one after another: {cause}")
+    return Ended(task, 0.0, None, f"the cluster gave it up: {cause or future.status}", lost=True)

@@ -8,21 +8,18 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.biomechanics.events import angle_events
-from imocap_core.biomechanics.mean_curve import without_steps
+from imocap_core.biomechanics.joint_angles import without_steps
 from imocap_core.errors import WorkFailed
 from imocap_core.export.formats import Exported
-from imocap_core.export.notes import notes_of, write_notes
-from imocap_core.export.placing import digests_of, place
-from imocap_core.figures.angle_figure import angle_figure
+from imocap_core.export.side_files import digests_of, notes_of, place, write_notes
+from imocap_core.figures.page_figures import angle_figure
 from imocap_core.figures.style import quiet, save
-from imocap_core.io.writers.angles_csv import write_angles_csv
-from imocap_core.io.writers.events_csv import write_events_csv
-from imocap_core.result.angles import MeanAngles, mean_angles
-from imocap_core.result.events import video_events
+from imocap_core.files import draft_folder
+from imocap_core.io.writers.text_files import write_angles_csv, write_events_csv
+from imocap_core.result.derived import MeanAngles, mean_angles
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
-from imocap_core.result.video_angles import video_angles
-from imocap_core.whole_files import draft_folder
+from imocap_core.result.video_motion import video_angles, video_events
 
 FORMAT = "angles"
 UP = "y"

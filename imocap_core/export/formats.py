@@ -8,35 +8,31 @@ from pathlib import Path
 
 from imocap_core.detect.environment import Announce
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.blender.characters import FORMATS as OF_BLENDER
-from imocap_core.export.blender.characters import Target, write_characters
-from imocap_core.export.blender.program import blender_program
-from imocap_core.export.characters import actors_of, as_character
-from imocap_core.export.cleaning import cleaned, foot_lock_notes
-from imocap_core.export.clips import clip_of
-from imocap_core.export.laboratory import trial_of
-from imocap_core.export.mcap_view import write_mcap
-from imocap_core.export.notes import notes_of, write_notes
-from imocap_core.export.opensim import write_opensim
-from imocap_core.export.options import LAFAN1, ExportOptions
-from imocap_core.export.placing import digests_of, place
-from imocap_core.export.tables import calibration_of, npz_values, write_cameras_and_sync
-from imocap_core.io.writers.amass_npz import write_amass
-from imocap_core.io.writers.bvh import write_bvh
+from imocap_core.export.blender import FORMATS as OF_BLENDER
+from imocap_core.export.blender import Target, blender_program, write_characters
+from imocap_core.export.clips import actors_of, as_character, cleaned, clip_of, foot_lock_notes
+from imocap_core.export.export_options import LAFAN1, ExportOptions
+from imocap_core.export.laboratory import trial_of, write_opensim
+from imocap_core.export.side_files import (
+    calibration_of,
+    digests_of,
+    notes_of,
+    npz_values,
+    place,
+    write_cameras_and_sync,
+    write_notes,
+)
+from imocap_core.export.view_file import write_mcap
+from imocap_core.files import draft_folder
+from imocap_core.io.writers.bvh import as_lafan1, write_bvh
 from imocap_core.io.writers.c3d import write_c3d
-from imocap_core.io.writers.camera_calibration import write_calibration
-from imocap_core.io.writers.export_npz import write_video
-from imocap_core.io.writers.gltf_scene import write_glb
-from imocap_core.io.writers.joints_csv import write_joints_csv
-from imocap_core.io.writers.lafan1 import as_lafan1
+from imocap_core.io.writers.export_npz import write_amass, write_video
+from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
-from imocap_core.io.writers.trc import write_trc
-from imocap_core.result.mean_performance import mean_performance
+from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
+from imocap_core.result.derived import from_start, mean_performance, turned_y_up
 from imocap_core.result.result import ActionResult, Time
-from imocap_core.result.start_origin import from_start
-from imocap_core.result.video_body import shaped_body
-from imocap_core.result.y_up import turned_y_up
-from imocap_core.whole_files import draft_folder
+from imocap_core.result.video_motion import shaped_body
 
 DEFAULT_UP = {
     "bvh": "y",

@@ -1,13 +1,16 @@
 """Figures drawn from artifacts and arrays.
 
-style, lettering    one look for all figures; text on pictures
-overlays            crops of frames, bodies and keypoints over them, contact sheets
-contact_sheets      a sheet per video, and the same moments across all videos
-body_sheet          the shaded body from front, side and back
-results_sheet       the same frames under each result
-bodies              body surfaces of an artifact's parameters
-sync_summary        one row per video, and positions on the common time axis
-sync_figures        affinities, warps, rounds; sync_picture: all of a synchronisation in one
-cycle_trip          round trips over three videos; cycle_figure draws them
-error_figure, scene_figure, uncertainty_figure
+Reading order:
+    overlays        keypoints, skeletons and bodies over crops of the videos' frames, and grids of
+                    them
+    sync_summary    a synchronisation as one row per video, and the frame of a video that shows each
+                    moment
+    style           one style for all figures and for text on pictures; image files without date and
+                    machine
+    sheets          sheets of pictures: contact sheets of the videos, bodies from three sides,
+                    several results
+    sync_figures    figures of synchronisation: affinities, warps, pace, confidence, rounds of the
+                    loop
+    page_figures    round trips over three videos, standard deviations of joints, joint angles
+    result_figures  plots of results: camera poses and root paths, errors of joints
 """

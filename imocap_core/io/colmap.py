@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int64
 
+from imocap_core.camera.background import FeatureTracks
 from imocap_core.camera.camera_path import BackgroundStructure
-from imocap_core.camera.feature_tracks import FeatureTracks
 
 FEWEST_MATCHES = 20  # tracks that two key frames share
 ERROR_PX = 2.0  # largest of an inlier, in the pictures that were tracked in

@@ -1,19 +1,94 @@
-"""Any frame of a video by its number: one pass notes the time stamps, later ones seek by them."""
+"""Frames of a video: any by its number, ahead of their consumer, their time stamps; checks.
+
+Presentation time stamps of a video file's frames (PyAV).
+
+Any frame of a video by its number: one pass notes the time stamps, later ones seek by them.
+
+A generator that runs a few items ahead of its consumer, in a thread.
+
+Whether a file can be captured from, before any work is done.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from queue import Full, Queue
+from threading import Event, Thread
+from typing import Any, TypeVar
 
+import av
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
-from imocap_core.io.display import ShownFrame
-from imocap_core.io.video import decoded_frames, open_video, video_stream
+from imocap_core.io.video import (
+    ShownFrame,
+    VideoInfo,
+    decoded_frames,
+    open_video,
+    probe,
+    read_gray,
+    video_stream,
+)
+from imocap_core.limits import LEAST_FRAMES, MAX_FPS, MAX_FRAMES, MIN_FPS
+from imocap_core.sequences import is_constant_rate, typical_step_s
+
+
+def variable_times_s(path: Path, info: VideoInfo) -> Float[np.ndarray, " T"] | None:
+    """When every frame was taken, seconds after the first; None where the rate is constant.
+
+    A file without usable stamps (missing, or repeated) counts as one of constant rate. ValueError
+    when the file cannot be read, or its stamps are no video's.
+    """
+    times = _times_s(_packet_stamps(path), info)
+    if times is None or is_constant_rate(times, info.fps):
+        return None
+    exact = _times_s(_frame_stamps(path), info)  # packets may be of other frames
+    if exact is not None:
+        times = exact
+    if is_constant_rate(times, info.fps):
+        return None
+    fps = 1 / typical_step_s(times)
+    duration_s = times[-1] - times[0]
+    if not MIN_FPS <= fps <= MAX_FPS or duration_s * fps > max(MAX_FRAMES, 2 * len(times)):
+        raise ValueError(
+            f"{path}: its time stamps spread {len(times)} frames over {duration_s:,.0f} s, most of "
+            f"them {1 / fps:.3g} s apart; convert it to a constant frame rate first"
+        )
+    return times - times[0]
+
+
+def _times_s(stamps: Iterator[float | None], info: VideoInfo) -> Float[np.ndarray, " T"] | None:
+    """The stamps in their order in time, at the speed of the action; None unless there is one for
+    each frame and all differ."""
+    given = list(stamps)
+    if len(given) != info.frame_count or len(given) < 3 or None in given:
+        return None
+    times = np.sort(np.array(given, float)) / info.slowed
+    return times if np.isfinite(times).all() and (np.diff(times) > 0).all() else None
+
+
+def _packet_stamps(path: Path) -> Iterator[float | None]:
+    """Stamps of the packets that are shown: nothing is decoded."""
+    with open_video(path) as container:
+        stream = video_stream(container, path)
+        with suppress(av.FFmpegError, OSError):  # what is decoded of a broken file has its count
+            for packet in container.demux(stream):
+                if packet.size and not packet.is_discard:
+                    yield None if packet.pts is None else float(packet.pts * stream.time_base)
+
+
+def _frame_stamps(path: Path) -> Iterator[float | None]:
+    """Stamps of the frames that can be decoded: of a broken file the first ones may be used."""
+    with open_video(path) as container, suppress(ValueError):
+        for frame in decoded_frames(container, video_stream(container, path), path):
+            yield frame.frame.time
+
 
 NEAR = 48  # frames ahead that are decoded one by one rather than sought
 
@@ -131,3 +206,134 @@ class FrameReader:
             counted = ((numbers[f.frame.pts], f) for f in frames if f.frame.pts in numbers)
         self._frames = (_numbered(number, shown) for number, shown in counted)
         self._next = 0
+
+
+Item = TypeVar("Item")
+_POLL_S = 0.1
+
+
+@dataclass(frozen=True)
+class _End:
+    """Comes after the last item; the error that ended the iteration, if one did."""
+
+    error: BaseException | None = None
+
+
+def prefetch(items: Iterable[Item], depth: int = 4) -> Iterator[Item]:
+    """The same items in the same order, computed in a thread, at most `depth` of them waiting.
+
+    An error in computing an item is raised here, after the items before it. When the generator is
+    closed, the thread ends before its next item. ValueError unless `depth` is at least 1.
+    """
+    if depth < 1:
+        raise ValueError(f"depth: expected at least 1, got {depth}")
+    waiting: Queue[Item | _End] = Queue(depth)
+    closed = Event()
+    producer = Thread(target=_produce, args=(items, waiting, closed), daemon=True)
+    producer.start()
+    try:
+        while not isinstance(item := waiting.get(), _End):
+            yield item
+        if item.error is not None:
+            raise item.error
+    finally:
+        closed.set()
+        producer.join()
+
+
+def _produce(items: Iterable[Item], waiting: Queue[Item | _End], closed: Event) -> None:
+    """Queue items until there are no more, one fails, or the consumer has closed; then the end."""
+    end = _End()
+    try:
+        for item in items:
+            _offer(item, waiting, closed)
+            if closed.is_set():
+                return
+    except BaseException as error:
+        end = _End(error)
+    _offer(end, waiting, closed)
+
+
+def _offer(item: Item | _End, waiting: Queue[Item | _End], closed: Event) -> None:
+    """Queue an item as soon as there is room, unless the consumer has closed."""
+    while not closed.is_set():
+        with suppress(Full):
+            waiting.put(item, timeout=_POLL_S)
+            return
+
+
+BEGINNING_BYTES = 1024
+FASTEST_FPS = 1000.0  # of a film of a person; above it the stamps are wrong
+LOOK_SCALE = 0.05  # of the pictures, which are decoded only to see whether they can be
+PICTURE, TEXT = "a picture", "text"
+PICTURE_BEGINNINGS = (b"\xff\xd8\xff", b"\x89PNG", b"BM", b"II*\0", b"MM\0*")
+
+
+def check_video(path: Path) -> VideoInfo:
+    """Frame rate, size and frame count of a video that has a motion.
+
+    ValueError for a file that is empty, text, a picture, audio, cut short, of another kind than
+    video, of wrong time stamps, or of fewer than LEAST_FRAMES frames.
+    """
+    other = _other_kind(path)
+    if other is not None:
+        raise ValueError(f"{path}: expected a video, got {other}")
+    info = probe(path)
+    if info.fps > FASTEST_FPS:
+        raise ValueError(
+            f"{path}: its time stamps say {info.fps:,.0f} frames a second; convert it to its true "
+            f"frame rate first"
+        )
+    if info.frame_count < LEAST_FRAMES:
+        raise ValueError(
+            f"{path}: expected at least {LEAST_FRAMES} frames, as fewer have no motion, got "
+            f"{info.frame_count}; give a longer clip"
+        )
+    return info
+
+
+def decode_whole(video: Path) -> None:
+    """Decode a video to its end: a second for some hundred pictures. ValueError where it breaks
+    off."""
+    deque(read_gray(video, scale=LOOK_SCALE), maxlen=0)
+
+
+def why_not_detected(video: Path) -> str:
+    """Why the detector passed a video over."""
+    try:
+        decode_whole(video)
+    except ValueError as error:
+        return str(error)
+    return f"{video}: it has no detections; run again"
+
+
+def _other_kind(path: Path) -> str | None:
+    """What a file is by its first bytes, with what to do; None for what may be a video."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        beginning = file.read(BEGINNING_BYTES)
+    if not beginning:
+        return "an empty file; copy or download it again"
+    if _is_text(beginning):
+        return TEXT
+    try:
+        open_video(path).close()
+    except ValueError:
+        if beginning.startswith(PICTURE_BEGINNINGS):
+            return PICTURE
+        if beginning[4:8] == b"ftyp":
+            return "one cut short: the index at its end is missing; copy or download it again"
+        raise
+    return None
+
+
+def _is_text(beginning: bytes) -> bool:
+    """Whether bytes are UTF-8 without control characters; a character may be cut at the end."""
+    try:
+        text = beginning.decode("utf-8", errors="strict")
+    except UnicodeDecodeError as error:
+        if error.start < len(beginning) - 3:
+            return False
+        text = beginning[: error.start].decode()
+    return all(letter.isprintable() or letter in "\t\r\n\f" for letter in text)

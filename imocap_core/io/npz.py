@@ -1,4 +1,7 @@
-"""Shared by the npz formats: named arrays, checked; rows selected by frame number."""
+"""Shared by the npz formats: named arrays, checked; rows selected by frame number.
+
+The files of a calibrated rig's truth beside action.yaml (`pose2sim_truth` reads them).
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,16 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from imocap_core.limits import must_unpack_to_little
+
+CALIBRATION = "calibration.npz"
+REFERENCE = "trc_reference.npz"
+FILES = (CALIBRATION, REFERENCE)
+
+
+def has_pose2sim_truth(folder: Path) -> bool:
+    """Whether an action's folder has both files."""
+    return all((folder / name).is_file() for name in FILES)
+
 
 # RuntimeError: raised by zipfile for encrypted files and for unknown kinds of compression.
 _UNREADABLE = (

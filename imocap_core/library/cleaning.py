@@ -1,7 +1,15 @@
-"""Removing old results from the cache of a working folder."""
+"""Removing old results from the cache of a working folder, by hand or beyond a limit.
+
+Removing old results from the cache of a working folder.
+
+The limit of a working folder's cache: beyond it, the least recently used results go.
+
+IMOCAP_CACHE_LIMIT sets it, as in 50GB; 0 turns it off.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +17,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from imocap_core.artifacts.cache import (
+from imocap_core.artifacts.store import (
     CachedResult,
     cached_results,
     leftovers,
@@ -19,7 +27,7 @@ from imocap_core.artifacts.cache import (
     size_of,
 )
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
-from imocap_core.library.door import plain_errors
+from imocap_core.library.api_errors import plain_errors
 from imocap_core.pipeline.action import find_action, read_action
 from imocap_core.workspace import Workspace
 
@@ -163,3 +171,35 @@ def _refusal(name: str) -> Callable[[], None]:
         raise WorkFailed(f"a run of {name} is in progress; clean when it has ended")
 
     return refuse
+
+
+VARIABLE = "IMOCAP_CACHE_LIMIT"
+DEFAULT = "20GB"
+
+
+def cache_limit_bytes() -> int | None:
+    """The limit in force; None where there is none. WrongUse when it is no size."""
+    text = os.environ.get(VARIABLE) or DEFAULT
+    try:
+        return bytes_of(text) or None
+    except WrongUse as error:
+        raise WrongUse(f"{VARIABLE}: {error}") from None
+
+
+def keep_cache_within_limit(root: Path) -> list[str]:
+    """Remove old results of a cache that is too large, as `imocap clean` does; a sentence if any
+    were removed. Nothing happens while another run is in progress."""
+    limit = cache_limit_bytes()
+    if limit is None:  # and nothing is looked at: a cache of 10,000 actions takes seconds
+        return []
+    results = cached_results(Workspace(root).store.folder)
+    if sum(result.size_bytes for result in results) <= limit:
+        return []
+    try:
+        cleaning = clean(max_bytes=limit, root=root)
+    except WorkFailed:
+        return []
+    if not cleaning.removed:
+        return []
+    size = f"{cleaning.removed_bytes / 1e9:.1f} GB"
+    return [f"The cache was over {limit / 1e9:g} GB ({VARIABLE}): {size} of old results removed."]

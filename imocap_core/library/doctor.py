@@ -81,7 +81,7 @@ def _hdf5() -> str:
 
 
 def _blender() -> str:
-    from imocap_core.export.blender.program import BLENDER, is_installed
+    from imocap_core.export.blender import BLENDER, is_installed
 
     named = os.environ.get(BLENDER.variable)
     if named:

@@ -1,4 +1,11 @@
-"""An action.yaml for some videos, ready to run."""
+"""An action.yaml for some videos, or for the occurrences of a movement in long videos.
+
+The video files that a user names, one by one or by their folder.
+
+An action.yaml for some videos, ready to run.
+
+An action made of the occurrences of a movement in long videos.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +14,110 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
 
+from imocap_core.artifacts.schemas.base import NAME
 from imocap_core.errors import WrongUse
-from imocap_core.identifiers import NAME
-from imocap_core.library.door import plain_errors
-from imocap_core.library.video_files import video_files
-from imocap_core.pipeline.action import DETECT, FILE_NAME, check_name, read_action
+from imocap_core.files import write_whole
+from imocap_core.library.api_errors import Params, Progress, displaying, one_off, plain_errors
+from imocap_core.pipeline.action import (
+    DETECT,
+    FILE_NAME,
+    check_name,
+    declared_path,
+    read_action,
+    repeated_paths,
+)
 from imocap_core.pipeline.builtin_actions import BUILT_IN
-from imocap_core.pipeline.declared_paths import declared_path
-from imocap_core.pipeline.repeated_files import repeated_paths
-from imocap_core.standalone_sync.sources import VideoSource, ascii_name, labels
-from imocap_core.whole_files import write_whole
+from imocap_core.sync_sources import VideoSource, ascii_name, labels
+from imocap_core.workspace import Workspace
+
+if TYPE_CHECKING:
+    from imocap_core.collect.listing import CollectedList
+
+
+VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".mts", ".mpg", ".mpeg", ".3gp")
+OWN_FOLDERS = ("actions", "artifacts")
+FEW = 3
+
+
+def video_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Files that can be captured from, and a sentence on every other file of a folder among paths.
+
+    WrongUse without paths, and with a line for every file named that is no video that can be used
+    and every folder without any.
+    """
+    if not paths:
+        raise WrongUse("expected at least one video, or folder of videos, got none")
+    files: list[Path] = []
+    remarks: list[str] = []
+    faults: list[str] = []
+    for path in paths:
+        if path.is_dir():
+            videos, others = _videos_in(path)
+            if not videos:
+                faults.append(
+                    "\n".join([f"{path}: expected videos in the folder, got none", *others])
+                )
+            files += videos
+            remarks += others
+        elif path.is_file():
+            fault = _fault(path)
+            files += [] if fault else [path]
+            faults += [fault] if fault else []
+        else:
+            faults.append(f"there is no video {path}")
+    if faults:
+        raise WrongUse("\n".join(faults))
+    return files, remarks
+
+
+def _videos_in(folder: Path) -> tuple[list[Path], list[str]]:
+    """The videos of a folder and of the folders in it, in the order of their names, numbers as
+    numbers; and a sentence on every other file with a video's suffix and one on the rest."""
+    faults = {file: _fault(file) for file in files_below(folder)}
+    videos = [file for file, fault in faults.items() if fault is None]
+    left = {file: fault for file, fault in faults.items() if fault is not None}
+    others = [file for file in left if file.suffix.lower() not in VIDEO_SUFFIXES]
+    if len(others) < FEW:
+        return videos, [f"left out: {fault}" for fault in left.values()]
+    names = ", ".join(file.name for file in others[:FEW])
+    more = f" and {len(others) - FEW} more" if len(others) > FEW else ""
+    broken = [f"left out: {fault}" for file, fault in left.items() if file not in others]
+    return videos, [*broken, f"left out, as no videos: {names}{more}"]
+
+
+def files_below(folder: Path) -> list[Path]:
+    """The files of a folder and of the folders in it, in the order of their names. What is hidden,
+    actions/ and artifacts/, where this program writes films, and linked folders are passed over."""
+    files = []
+    for path in sorted(folder.iterdir(), key=_natural_order):
+        if path.name.startswith("."):
+            continue
+        if path.is_file():
+            files.append(path)
+        elif path.is_dir() and not path.is_symlink() and path.name not in OWN_FOLDERS:
+            files += files_below(path)
+    return files
+
+
+def _fault(file: Path) -> str | None:
+    from imocap_core.io.frame_access import check_video
+
+    try:
+        check_video(file)
+    except (ValueError, OSError) as error:
+        return str(error)
+    return None
+
+
+def _natural_order(file: Path) -> list[tuple[int, str]]:
+    """clip2 before clip10."""
+    parts = re.findall(r"\d+|\D+", file.name.lower())
+    return [(int(part) if part.isdigit() else -1, part) for part in parts]
+
 
 HEAD = """\
 # One action, one to many videos. Paths are relative to this folder.
@@ -153,7 +251,7 @@ def _is_action(root: Path, word: str) -> bool:
 
 def name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
     """A folder's name; of files their common beginning, and letters that differ for others."""
-    from imocap_core.standalone_sync.action import default_name
+    from imocap_core.standalone_sync import default_name
 
     if len(paths) == 1 and paths[0].is_dir():
         words = ascii_name(paths[0].resolve().name).lstrip("_")
@@ -161,3 +259,71 @@ def name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
             return words
     named = [VideoSource(file, None) for file in files]
     return default_name("", labels(named), named)
+
+
+@dataclass(frozen=True)
+class CollectedAction:
+    """What `collect` made: the list of all shots and occurrences, and the files.
+
+    action_file and list_file are None where nothing was to be written. remarks: on the files.
+    """
+
+    listing: CollectedList
+    action_file: Path | None
+    list_file: Path | None
+    remarks: tuple[str, ...] = ()
+
+
+@plain_errors
+def collect(
+    name: str,
+    videos: Sequence[str | Path],
+    *,
+    example: tuple[str | Path, float, float] | None = None,
+    keep: int | None = None,
+    dry_run: bool = False,
+    root: str | Path = ".",
+    params: Params = None,
+    progress: Progress = None,
+) -> CollectedAction:
+    """Make root/actions/NAME of the occurrences of one movement in long videos.
+
+    Args:
+        videos: films of many shots, or folders of them, in which what is no video is left out.
+        example: a video that shows the movement, and from and to in seconds; else the movement
+            that is repeated most.
+        keep: most occurrences that become videos; else `collect.keep`.
+        dry_run: only say what would be taken.
+        params: one-off parameters, as {"collect.least_contrast": 1.5}.
+
+    Raises:
+        WrongUse: the name is invalid or taken, a video is missing, the example is not in its video.
+        WorkFailed: a video cannot be decoded, or nothing is found.
+    """
+    from imocap_core.collect.collect import collect_films
+    from imocap_core.collect.listing import FILE_NAME as LIST_NAME
+    from imocap_core.collect.listing import write_action, write_collected
+    from imocap_core.collect.movement import Example
+    from imocap_core.pipeline.graph import settings
+
+    check_name(name)
+    files, remarks = video_files([Path(video) for video in videos])
+    source = None if example is None else Example(Path(example[0]), example[1], example[2])
+    if source is not None and video_files([source.video])[0] != [source.video]:
+        raise WrongUse(f"{source.video}: expected the video of the example, got a folder")
+    remarks = [*remarks, *repeated_paths(files)]
+    workspace = Workspace(Path(root))
+    folder = workspace.root / "actions" / name
+    if (folder / FILE_NAME).exists() and not dry_run:
+        raise WrongUse(f"{folder / FILE_NAME} exists already; edit it, or choose another name")
+    pipeline = workspace.pipeline()
+    sets = [*one_off(params), *([f"collect.keep={keep}"] if keep is not None else [])]
+    chosen = settings(pipeline, {}, pipeline.file, sets).params
+    with displaying(progress) as display:
+        listing, alone = collect_films(workspace, name, files, source, chosen, folder, display)
+    if dry_run or not listing.chosen:
+        return CollectedAction(listing, None, None, tuple(remarks))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_collected(folder / LIST_NAME, listing)
+    action_file = write_action(folder, listing, alone)
+    return CollectedAction(listing, action_file, folder / LIST_NAME, tuple(remarks))

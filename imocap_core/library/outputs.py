@@ -1,4 +1,7 @@
-"""What is made of an action's results: exports, films, the viewer, the report, comparisons."""
+"""What is made of an action's results: exports, films, the viewer, the report, comparisons.
+
+Folders that the user names for results.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.options import ExportOptions as ExportOptions
-from imocap_core.library.door import plain_errors
-from imocap_core.library.folders import output_folder
-from imocap_core.library.one_off import Params, one_off
-from imocap_core.library.report_page import report_page
+from imocap_core.export.export_options import ExportOptions as ExportOptions
+from imocap_core.files import record_made
+from imocap_core.library.api_errors import Params, one_off, plain_errors
 from imocap_core.library.result import Result, html_file
-from imocap_core.made_files import record_made
+from imocap_core.library.run_document import report_page
+from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.generation import generation, run_command
 from imocap_core.pipeline.runner import Job
 from imocap_core.result.artifacts import artifacts_of_stages
@@ -26,7 +28,21 @@ if TYPE_CHECKING:
     from imocap_core.artifacts.store import Stored
     from imocap_core.compare.compare import Technique, TechniquePair
     from imocap_core.export.formats import Exported
-    from imocap_core.film.action_films import Film, FilmKind, MotionKind
+    from imocap_core.film import Film, FilmKind, MotionKind
+
+
+def output_folder(out: str | Path) -> Path:
+    """The folder to write to; WrongUse for an action's, whose videos and keypoints lie there."""
+    folder = Path(out)
+    for place in (folder.absolute(), folder.absolute().parent):
+        made = place.parent.name == "artifacts"  # by the program, for `imocap sync`
+        if (place / FILE_NAME).is_file() and not made:
+            raise WrongUse(
+                f"--out {out}: {place} is an action, whose files might be replaced; choose another "
+                f"folder"
+            )
+    return folder
+
 
 FILMS, COMPARE = "videos", "compare"
 
@@ -119,7 +135,7 @@ def films(
     params: Params = None,
 ) -> tuple[list[Film], Path]:
     """The films of an action, to be written by `write_films`, and the usual folder for them."""
-    from imocap_core.film.action_films import films_of
+    from imocap_core.film import films_of
 
     sets = one_off(params)
     job = _job(action, root, sets)
@@ -132,7 +148,7 @@ def write_films(
     films: Sequence[Film], folder: str | Path, advance: Callable[[Film, int], None]
 ) -> list[Path]:
     """Write films; `advance(film, frames done)` is called after each frame."""
-    from imocap_core.film.action_films import write_films as write
+    from imocap_core.film import write_films as write
 
     return write(films, Path(folder), advance)
 
@@ -153,7 +169,7 @@ def view(
         params: those that the result was made with, as of `run`.
         progress: a function of (share, text).
     """
-    from imocap_core.viewer.page import FILE_NAME, can_be_viewed, write_viewer
+    from imocap_core.viewer.viewer_scene import FILE_NAME, can_be_viewed, write_viewer
 
     sets = one_off(params)
     job = _job(action, root, sets)
@@ -212,10 +228,14 @@ def compare(
     """
     import numpy as np
 
-    from imocap_core.compare.compare import describe, pair_of
-    from imocap_core.compare.pair_report import write_pair
-    from imocap_core.compare.report import write_technique
-    from imocap_core.compare.sources import performances_of, performers_of, several
+    from imocap_core.compare.compare import (
+        describe,
+        pair_of,
+        performances_of,
+        performers_of,
+        several,
+    )
+    from imocap_core.compare.technique_report import write_pair, write_technique
 
     job = _job(action, root, one_off(params))
     name = job.action.name
@@ -245,9 +265,13 @@ def compare(
 def _performers_compared(result: Result, folder: Path) -> tuple[list[TechniquePair], list[Path]]:
     """Every two performers of one action, each two in a folder of their own where there are more
     than two; on the body of the reference."""
-    from imocap_core.compare.compare import describe, pair_on_one_axis
-    from imocap_core.compare.pair_report import write_pair
-    from imocap_core.compare.sources import performances_of, performers_of
+    from imocap_core.compare.compare import (
+        describe,
+        pair_on_one_axis,
+        performances_of,
+        performers_of,
+    )
+    from imocap_core.compare.technique_report import write_pair
 
     names = performers_of(result)
     of = {name: describe(performances_of(result, performer=name)) for name in names}

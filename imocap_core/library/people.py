@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imocap_core.library.door import plain_errors
-from imocap_core.library.one_off import Params, one_off
+from imocap_core.library.api_errors import Params, Progress, displaying, one_off, plain_errors
 from imocap_core.library.person_summary import VideoPeople
-from imocap_core.library.progress import Progress, displaying
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -49,7 +47,7 @@ def not_detected(
     action: str | Path, *, root: str | Path = ".", params: Params = None
 ) -> dict[str, str]:
     """Why videos that say `keypoints: detect` have no detections, by video."""
-    from imocap_core.io.video_check import why_not_detected
+    from imocap_core.io.frame_access import why_not_detected
 
     declared = Workspace(Path(root)).job(str(action), one_off(params)).action
     return {
@@ -64,7 +62,7 @@ def set_up_detector(
     *, root: str | Path = ".", params: Params = None, progress: Progress = None
 ) -> tuple[str, Path]:
     """Make the environment of the detector in force; its name and version, and its Python."""
-    from imocap_core.detect.setup import set_up
+    from imocap_core.detect.detection import set_up
 
     detector = _detector(Workspace(Path(root)), params)
     with displaying(progress) as display:
@@ -75,7 +73,7 @@ def set_up_detector(
 
 def detector_is_set_up(*, root: str | Path = ".", params: Params = None) -> bool:
     """Whether the detector in force needs nothing from the network."""
-    from imocap_core.detect.setup import is_set_up
+    from imocap_core.detect.detection import is_set_up
 
     return is_set_up(_detector(Workspace(Path(root)), params))
 

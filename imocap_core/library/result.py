@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from imocap_core.artifacts.store import Store, Stored
+from imocap_core.diagnostics.findings import Verdict
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.library.door import plain_errors
+from imocap_core.library.api_errors import plain_errors
 from imocap_core.pipeline.action import FILE_NAME, Action
 from imocap_core.result.artifacts import artifacts_in_store, artifacts_of_stages
 from imocap_core.result.result import ActionResult, Time
-from imocap_core.verdict.findings import Verdict
 
 if TYPE_CHECKING:
-    from imocap_core.export.options import ExportOptions
+    from imocap_core.export.export_options import ExportOptions
 
 MotionStage = Literal["refine_sync", "smpl_ba"]
 
@@ -65,7 +65,7 @@ class Result(ActionResult):
     @plain_errors
     def view(self, out: str | Path) -> Path:
         """Write the viewer, one HTML file that needs nothing else, and return its path."""
-        from imocap_core.viewer.page import write_viewer
+        from imocap_core.viewer.viewer_scene import write_viewer
 
         if self.time != "own":
             raise WrongUse("view: expected a result on the videos' own timelines, as it was loaded")
@@ -86,7 +86,7 @@ class Result(ActionResult):
     ) -> list[Path]:
         """Write films (H.264) into the folder `out`: the body over each video, and all videos in
         lock-step. opacity: 1 hides the person behind the body."""
-        from imocap_core.film.action_films import Film, films_of, write_films
+        from imocap_core.film import Film, films_of, write_films
 
         if not 0 <= opacity <= 1:
             raise WrongUse(f"opacity: expected 0 to 1, got {opacity}")

@@ -1,27 +1,298 @@
-"""Running many actions: on one core, on several, or on a cluster."""
+"""Running many actions: on one core, on several, or on a cluster.
+
+The tasks of actions: (action, video) for detection, (action, stage, video) for a stage whose
+result has a part for each video, (action, stage) for all.
+
+Stages of one action come after one another, actions do not. Of what may begin, the action named
+first goes on, so that finished actions come early.
+
+Tasks on workers with folders of their own.
+
+Each fetches the action, and what others have made of it, from the store that all share, and
+publishes what it makes.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from imocap_core.artifacts.open_shared import absolute_url
-from imocap_core.errors import ImocapError, WrongUse
-from imocap_core.executors.perform import perform
-from imocap_core.executors.task import Executor, Task, TaskEnd, Watch
-from imocap_core.library.action_tasks import StageEnd, tasks_of
-from imocap_core.library.cache_limit import keep_cache_within_limit
-from imocap_core.library.door import plain_errors
-from imocap_core.library.one_off import Params, one_off
+from imocap_core.artifacts.shared_store import absolute_url
+from imocap_core.errors import ImocapError, WorkFailed, WrongUse
+from imocap_core.executors.tasks import Executor, Report, Task, TaskEnd, Watch, perform
+from imocap_core.library.api_errors import FunctionDisplay, Params, one_off, plain_errors
+from imocap_core.library.cleaning import keep_cache_within_limit
+from imocap_core.library.push_pull import bring_up_to_date, push_files
 from imocap_core.library.running import run_action
-from imocap_core.library.worker_folders import shared_tasks_of
-from imocap_core.memory_limit import can_limit_memory
-from imocap_core.pipeline.device import CPU, check_device
+from imocap_core.library.shared_action import (
+    ActionRecord,
+    input_name,
+    portable_files,
+    read_record,
+    write_record,
+)
+from imocap_core.pipeline import builtin_actions
+from imocap_core.pipeline.builtin_actions import BUILT_IN
+from imocap_core.pipeline.graph import Pipeline
+from imocap_core.pipeline.runner import make_part
+from imocap_core.pipeline.source import closure, content_digest
+from imocap_core.process import CPU, can_limit_memory, check_device
 from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
+
+WHOLE = "all stages"
+
+
+@dataclass(frozen=True)
+class StageEnd:
+    """What a stage's task leaves.
+
+    summary: the verdict's sentences, after the last stage.
+    """
+
+    stage: str
+    how: str
+    seconds: float
+    digest: str
+    notes: tuple[str, ...] = ()
+    summary: tuple[str, ...] = ()
+
+
+def task_name(action: str, step: str) -> str:
+    """As it is shown: an action and one of its steps."""
+    return f"{action}: {step}"
+
+
+def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: int) -> list[Task]:
+    """The tasks that bring an action to its report, each after the one before it.
+
+    ImocapError when its action.yaml cannot be used.
+    """
+    root = workspace.root
+    if action in builtin_actions.BUILT_IN:
+        made = Task(task_name(action, "demo"), make_built_in, (root, action), (), priority)
+        stages = _stage_tasks(workspace, action, [], sets, (made.name,), priority)
+        return [made, *stages]
+    declared = workspace.job(action, list(sets)).action
+    if any(video.repetitions for video in declared.videos):  # its parts are known only later
+        whole = (root, action, tuple(sets), workspace.shared, None, workspace.device)
+        return [Task(task_name(action, WHOLE), run_to, whole, (), priority)]
+    detections = [
+        Task(
+            task_name(action, f"detect {video.id}"),
+            detect_video,
+            (root, action, tuple(sets), workspace.shared, video.id),
+            (),
+            priority,
+        )
+        for video in declared.videos
+        if video.detected
+    ]
+    after = tuple(task.name for task in detections)
+    ids = [video.id for video in declared.videos]
+    return [*detections, *_stage_tasks(workspace, action, ids, sets, after, priority)]
+
+
+def _stage_tasks(
+    workspace: Workspace,
+    action: str,
+    videos: Sequence[str],
+    sets: Sequence[str],
+    after: tuple[str, ...],
+    priority: int,
+) -> list[Task]:
+    """A task a stage, after those of its parts; of a single video, the part is the whole."""
+    tasks = []
+    stages = list(workspace.pipeline().stages.items())
+    common = (workspace.root, action, tuple(sets), workspace.shared)
+    for stage, spec in stages:
+        if spec.parts == "videos" and len(videos) > 1:
+            parts = [
+                Task(
+                    task_name(action, f"{stage} {v}"),
+                    part_of,
+                    (*common, stage, v, workspace.device),
+                    after,
+                    priority,
+                )
+                for v in videos
+            ]
+            tasks += parts
+            after = tuple(part.name for part in parts) or after
+        until = None if stage == stages[-1][0] else stage
+        task = Task(
+            task_name(action, stage), run_to, (*common, until, workspace.device), after, priority
+        )
+        tasks.append(task)
+        after = (task.name,)
+    return tasks
+
+
+def make_built_in(report: Report, root: Path, name: str) -> None:
+    """Make a built-in action, unless it is there."""
+    workspace = Workspace(root)
+    display = FunctionDisplay(lambda stage, share, text: report(share, text))
+    with workspace.store.lock(name, display.waiting):
+        folder = root / "actions" / name
+        builtin_actions.ensure(name, folder, workspace.pipeline().seed, display)
+
+
+def detect_video(
+    report: Report,
+    root: Path,
+    action: str,
+    sets: tuple[str, ...],
+    shared: str | None,
+    video: str,
+) -> None:
+    """Detect the people in one video, unless that was done."""
+    from imocap_core.detect.detected_action import detect_one
+
+    job = Workspace(root, shared).job(action, list(sets))
+    display = FunctionDisplay(lambda stage, share, text: report(share, text))
+    detect_one(job.action, video, job.settings.params.detect, job.store, display)
+
+
+@plain_errors
+def part_of(
+    report: Report,
+    root: Path,
+    action: str,
+    sets: tuple[str, ...],
+    shared: str | None,
+    stage: str,
+    video: str,
+    device: str = CPU,
+) -> None:
+    """Make the part of a stage's result that belongs to a video, unless it is cached."""
+    display = FunctionDisplay(lambda stage, share, text: report(share, text))
+    job = Workspace(root, shared, device).ready_job(action, list(sets), display)
+    make_part(job, stage, video, display)
+
+
+def run_to(
+    report: Report,
+    root: Path,
+    action: str,
+    sets: tuple[str, ...],
+    shared: str | None,
+    until: str | None,
+    device: str = CPU,
+) -> StageEnd:
+    """Bring an action up to date to a stage (None: to its report); earlier ones are cached."""
+    done = run_action(
+        action,
+        root=root,
+        params=list(sets),
+        until=until,
+        store=shared,
+        device=device,
+        progress=lambda stage, share, text: report(share, text),
+        part_of_many=True,
+    )
+    last = done.outcomes[-1]
+    summary = () if done.verdict is None or until is not None else tuple(done.verdict.summary)
+    notes = () if until is not None else tuple(done.notes)
+    return StageEnd(last.stage, last.how, last.seconds, last.stored.digest, notes, summary)
+
+
+VARIABLE = "IMOCAP_ROOT"
+
+
+@dataclass(frozen=True)
+class SharedAction:
+    """An action as its tasks find it in the shared store.
+
+    record: name of its record there, which says its content. code: digest of the stages' code,
+    inputs and parameters, which must be the worker's too.
+    """
+
+    url: str
+    name: str
+    record: str
+    code: str
+
+
+def shared_tasks_of(
+    workspace: Workspace, action: str, sets: Sequence[str], priority: int
+) -> list[Task]:
+    """Push an action's files; its tasks, for workers that have nothing of it.
+
+    ImocapError when its action.yaml, or the store, cannot be used.
+    """
+    built_in = action in BUILT_IN
+    if built_in:
+        make_built_in(lambda share, text: None, workspace.root, action)
+    job = workspace.job(action, list(sets))
+    shared = job.store.shared
+    assert shared is not None
+    with tempfile.TemporaryDirectory() as aside:
+        paths = portable_files(job.action, job.settings, Path(aside))
+        digests = {path: content_digest(file) for path, file in paths.items()}
+        push_files(shared, paths, digests)
+    record = ActionRecord(name=job.action.name, files=digests)
+    name = input_name(hashlib.sha256(record.model_dump_json().encode()).hexdigest())
+    if not shared.has(name):
+        write_record(shared, name, record)
+    place = SharedAction(shared.url, job.action.name, name, code_digest(job.pipeline))
+    tasks = tasks_of(workspace, action, sets, priority)
+    made = [task.name for task in tasks if task.work is make_built_in]
+    return [
+        replace(
+            task,
+            work=in_worker_folder,
+            arguments=(place, task.work, *task.arguments[2:]),
+            after=tuple(name for name in task.after if name not in made),
+        )
+        for task in tasks
+        if task.name not in made
+    ]
+
+
+def in_worker_folder(report: Report, place: SharedAction, work: Any, *arguments: Any) -> Any:
+    """Do the work of a task, `work(report, root, action, *arguments)`, in this worker's folder."""
+    root = worker_root()
+    workspace = Workspace(root, place.url)
+    shared = workspace.store.shared
+    assert shared is not None
+    if code_digest(workspace.pipeline()) != place.code:
+        raise WorkFailed(
+            f"the worker in {root} has another version of imocap, or another pipeline.yaml; all "
+            "workers need those of the machine that the command runs on"
+        )
+    record = read_record(shared, place.record)
+    if record is None or record.name != place.name:
+        raise WorkFailed(f"{place.url} has no {place.record} any more; run again")
+    report(0.0, f"fetching {place.name}")
+    bring_up_to_date(workspace, shared, record)
+    return work(report, root, place.name, *arguments)
+
+
+def worker_root() -> Path:
+    """This worker's working folder: IMOCAP_ROOT, or one in the user's cache; it is made."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    root = Path(os.environ.get(VARIABLE) or Path(cache) / "imocap" / "worker").absolute()
+    root.mkdir(parents=True, exist_ok=True)
+    return root
+
+
+def code_digest(pipeline: Pipeline) -> str:
+    """Digest of what results depend on beside the action: code, graph, seed and parameters."""
+    parts: list[Any] = [pipeline.seed]
+    parts += [
+        [name, spec.model_dump(mode="json"), closure(pipeline.script(name))]
+        for name, spec in pipeline.stages.items()
+    ]
+    text = json.dumps(parts, sort_keys=True)
+    return hashlib.sha256(f"{text}{pipeline.params}".encode()).hexdigest()
+
 
 NAMES = ("serial", "processes", "dask")
 
@@ -173,7 +444,7 @@ def executing(choice: ExecutorChoice, listener: Listener) -> Iterator[Executor]:
     """The executor of a choice."""
     workers = choice.workers or cores()
     if choice.name == "serial":
-        from imocap_core.executors.serial import Serial
+        from imocap_core.executors.tasks import Serial
 
         yield Serial()
     elif choice.name == "processes":
@@ -182,7 +453,7 @@ def executing(choice: ExecutorChoice, listener: Listener) -> Iterator[Executor]:
         with worker_processes(workers, memory_bytes=choice.memory_bytes) as processes:
             yield processes
     else:
-        from imocap_core.executors.cluster import dask_cluster
+        from imocap_core.executors.processes import dask_cluster
 
         with dask_cluster(
             workers, choice.address, memory_bytes=choice.memory_bytes, announce=listener.announce

@@ -14,7 +14,7 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from imocap_core.executors.task import Begun, Progressed, TaskEnd
+from imocap_core.executors.tasks import Begun, Progressed, TaskEnd
 from imocap_core.library.run_all import ActionEnd, Listener
 
 

@@ -1,30 +1,236 @@
-"""Running an action: all of it, or one stage."""
+"""Running an action: all of it, or one stage; and the record of its last run.
+
+A sentence before stages that are expected to need more memory than there is.
+
+The record of an action's last run for programs: artifacts/ACTION/run.json.
+
+It has what artifacts must not have, because the same input gives the same bytes there: the clock,
+the machine, and what was said to the user. A run that fails leaves a record too, with its error.
+
+Running an action: all of it, or one stage.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import platform
+import re
+import sys
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from imocap_core.errors import WrongUse
-from imocap_core.library.cache_limit import cache_limit_bytes, keep_cache_within_limit
-from imocap_core.library.door import plain_errors
+from imocap_core.artifacts.file_memory import save_memory
+from imocap_core.diagnostics.findings import Verdict
+from imocap_core.errors import ImocapError, Stopped, WrongUse
+from imocap_core.files import write_whole
+from imocap_core.library.api_errors import Params, Progress, displaying, one_off, plain_errors
+from imocap_core.library.cleaning import cache_limit_bytes, keep_cache_within_limit
 from imocap_core.library.new_action import action_of_videos
-from imocap_core.library.one_off import Params, one_off
-from imocap_core.library.progress import Progress, displaying
-from imocap_core.library.run_log import LoggedDisplay, recording
 from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
-from imocap_core.pipeline.device import CPU, check_device
-from imocap_core.pipeline.repeated_files import repeated_files
-from imocap_core.pipeline.runner import Job, Outcome
-from imocap_core.verdict.findings import Verdict
+from imocap_core.pipeline.action import repeated_files
+from imocap_core.pipeline.runner import Display, Job, Outcome
+from imocap_core.process import CPU, check_device
+from imocap_core.version import __version__
+from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
+    from imocap_core.artifacts.store import Stored
     from imocap_core.library.result import MotionStage, Result
+
+
+MEMINFO, STATM, CGROUP = Path("/proc/meminfo"), Path("/proc/self/statm"), Path("/sys/fs/cgroup")
+# Largest memory of all stages as measured (docs/scaling.md): of the program and its data, of every
+# frame of every video, and of every frame whose motion is being fitted. The posterior takes less.
+PROGRAM_BYTES, FRAME_BYTES, FIT_BYTES = 700e6, 50e3, 230e3
+
+
+def memory_notice(frames: Sequence[int], available: int | None) -> str | None:
+    """The sentence, or None where the memory suffices or is not known.
+
+    Args:
+        frames: of each video; available: bytes.
+    """
+    expected = expected_bytes(frames, cores())
+    if not frames or available is None or expected <= available:
+        return None
+    total, longest = sum(frames), max(frames)
+    return (
+        f"about {expected / 1e9:.2f} GB of memory are expected to be needed ({len(frames)} videos, "
+        f"{total:,} frames, {longest:,} in the longest), and {available / 1e9:.2f} GB are "
+        "available: use fewer frames (`frames` of a video in action.yaml), films of a lower frame "
+        "rate, or a machine with more memory"
+    )
+
+
+def frames_of(keypoints: Stored) -> list[int]:
+    """Number of used frames of every video; none where a stage of another kind made the result."""
+    if keypoints.schema != "Keypoints":
+        return []
+    from imocap_core.artifacts.schemas import Keypoints
+
+    return [len(video.frames) for video in keypoints.decode(Keypoints).videos]
+
+
+def expected_bytes(frames: Sequence[int], workers: int) -> int:
+    """Largest memory of a run.
+
+    Args:
+        frames: of each video; workers: motions that are fitted at once where they are short.
+    """
+    from imocap_core.motion.gauss_newton import motions_at_once
+
+    longest = max(frames, default=0)
+    at_once = min(len(frames), workers, motions_at_once(longest))
+    return int(PROGRAM_BYTES + FRAME_BYTES * sum(frames) + FIT_BYTES * at_once * longest)
+
+
+def available_bytes() -> int | None:
+    """Memory that this process may use, its own included; None where the system does not tell."""
+    if sys.platform != "linux":
+        with suppress(AttributeError, ValueError, OSError):
+            return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        return None
+    import resource
+
+    limits: list[int] = []
+    with suppress(OSError, IndexError, ValueError):
+        resident = int(STATM.read_text().split()[1]) * resource.getpagesize()
+        free = re.search(r"MemAvailable:\s*(\d+) kB", MEMINFO.read_text())
+        if free is not None:
+            limits.append(1024 * int(free[1]) + resident)
+    with suppress(OSError, ValueError):  # a container's; "max" where it has none
+        limits.append(int((CGROUP / "memory.max").read_text()))
+    most, _ = resource.getrlimit(resource.RLIMIT_DATA)
+    if most != resource.RLIM_INFINITY:
+        limits.append(most)
+    return min(limits, default=None)
+
+
+FILE = "run.json"
+LARGE = ("initial_smpl", "sync", "smpl_ba", "refine_sync", "uncertainty")  # stages, in memory
+FORMAT = 1  # rises when a field changes its meaning or goes
+LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless", "av", "mcap", "pydantic")
+
+
+@dataclass
+class RunLog:
+    """What is known of a run while it goes on."""
+
+    job: Job
+    began: datetime = field(default_factory=lambda: datetime.now(UTC))
+    outcomes: list[Outcome] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    verdict: Verdict | None = None
+    library_warnings: list[str] = field(default_factory=list)
+
+    def document(self, error: str | None) -> dict[str, Any]:
+        """As plain data; error: the sentence that ended the run, or None."""
+        ended = datetime.now(UTC)
+        settings, verdict = self.job.settings, self.verdict
+        stored = {outcome.stage: outcome.stored for outcome in self.outcomes}
+        sentences = left_out_notes(stored)
+        if verdict is not None:
+            sentences = [finding.sentence for finding in verdict.findings]
+        return {
+            "format": FORMAT,
+            "action": self.job.action.name,
+            "began": self.began.isoformat(timespec="seconds"),
+            "seconds": round((ended - self.began).total_seconds(), 3),
+            "status": "done" if error is None else "failed",
+            "error": error,
+            "stages": [_of_outcome(outcome) for outcome in self.outcomes],
+            "summary": [] if verdict is None else list(verdict.summary),
+            "warnings": [*self.notes, *sentences, *self.library_warnings],
+            "seed": settings.seed,
+            "params": asdict(settings.params),
+            "versions": versions(),
+            "machine": f"{platform.system()} {platform.machine()}",
+            "device": self.job.device,
+        }
+
+
+def _of_outcome(outcome: Outcome) -> Mapping[str, Any]:
+    return {
+        "stage": outcome.stage,
+        "how": outcome.how,
+        "seconds": round(outcome.seconds, 3),
+        "peak_bytes": outcome.peak_bytes,
+        "key": outcome.stored.key,
+        "digest": outcome.stored.digest,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of the program, of Python, and of the libraries that results depend on."""
+    by_name = {"imocap": __version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        with suppress(metadata.PackageNotFoundError):
+            by_name[name] = metadata.version(name)
+    return by_name
+
+
+class LoggedDisplay:
+    """A `Display` that also notes which stages have ended, and says when memory may not suffice."""
+
+    def __init__(self, display: Display, log: RunLog) -> None:
+        self._log, self._memory_known = log, False
+        self.progress, self.notice = display.progress, display.notice
+        self.made_demo, self.waiting = display.made_demo, display.waiting
+        self._started, self._finished = display.started, display.finished
+
+    def started(self, stage: str, why: list[str]) -> None:
+        """A stage begins; before the first that needs much memory, what it is expected to need."""
+        self._started(stage, why)
+        stored = {outcome.stage: outcome.stored for outcome in self._log.outcomes}
+        if self._memory_known or stage not in LARGE or "keypoints" not in stored:
+            return
+        self._memory_known = True
+        if sentence := memory_notice(frames_of(stored["keypoints"]), available_bytes()):
+            self._log.notes.append(sentence)
+            self.notice(sentence)
+
+    def finished(self, outcome: Outcome) -> None:
+        """A stage has its artifact."""
+        self._log.outcomes.append(outcome)
+        self._finished(outcome)
+
+
+@contextmanager
+def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
+    """A log that is written when the body ends, however it ends."""
+    log = RunLog(job, notes=list(notes))
+    error: str | None = None
+    show = warnings.showwarning
+    warnings.showwarning = _also_into(log.library_warnings, show)
+    try:
+        yield log
+    except (ImocapError, Stopped) as ended:
+        error = str(ended)
+        raise
+    finally:
+        warnings.showwarning = show
+        with suppress(OSError):  # a store on a disk that can only be read
+            text = json.dumps(log.document(error), indent=1, ensure_ascii=False, default=str)
+            write_whole(job.store.folder / job.action.name / FILE, text + "\n")
+        save_memory(job.store.folder)
+
+
+def _also_into(texts: list[str], show: Callable[..., Any]) -> Callable[..., Any]:
+    def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        texts.append(f"{category.__name__}: {message}")
+        show(message, category, *place, **more)
+
+    return shown
 
 
 @dataclass(frozen=True)
@@ -127,7 +333,7 @@ def run_action(
     part_of_many: whoever runs many actions keeps the cache within its limit, once.
     """
     from imocap_core.report.action_report import finish, verdict_of_run
-    from imocap_core.standalone_sync.repetitions import job_in_parts
+    from imocap_core.standalone_sync import job_in_parts
 
     with displaying(progress) as display:
         began = time.perf_counter()

@@ -1,19 +1,37 @@
-"""What is cached of an action, what would run, and why."""
+"""What is cached of an action, what would run and why; actions, parameters and formats listed.
+
+What is cached of an action, what would run, and why.
+
+The actions of a working folder, and the state of each.
+
+All parameters as rows: for `imocap params`, docs/parameters.md, and scripts.
+
+The parameters of a working folder: value, default, unit, bounds, meaning.
+
+What is read and what is written, a sentence for each format.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import csv
+import inspect
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+from annotated_types import Gt, Interval
 
 from imocap_core.artifacts.file_memory import remembered
-from imocap_core.errors import WrongUse
-from imocap_core.library.door import plain_errors
-from imocap_core.library.one_off import Params, one_off
+from imocap_core.errors import ImocapError, WrongUse
+from imocap_core.library.api_errors import Params, one_off, plain_errors
+from imocap_core.params import Params as AllParams
 from imocap_core.pipeline import runner
-from imocap_core.pipeline.recipe import Recipe
+from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.pipeline.runner import Job, StageStatus
+from imocap_core.pipeline.stage import Recipe
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -74,9 +92,9 @@ def verdict(
     stored = stored_of(runner.stage_statuses(job))
     if "refine_sync" not in stored:
         return None
+    from imocap_core.diagnostics.findings import verdict_document
     from imocap_core.result.artifacts import artifacts_of_stages
     from imocap_core.result.verdict import verdict_of_artifacts
-    from imocap_core.verdict.verdict_file import verdict_document
 
     judged = verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
     return None if judged is None else verdict_document(judged)
@@ -111,3 +129,265 @@ def upstream(job: Job, stage: str) -> list[str]:
     if stage not in job.pipeline.stages:
         raise WrongUse(f"no stage {stage!r}; there are: {', '.join(job.pipeline.stages)}")
     return job.pipeline.upstream(stage)
+
+
+State = Literal["cached", "partly cached", "not run", "not made", "invalid"]
+HEADLINE = (  # column of report/summary.csv, and its text
+    ("mpjpe_scaled_mm", "scaled MPJPE {:.1f} mm"),
+    ("sync_error_pct", "sync error {:.2f} %"),
+    ("camera_rotation_error_deg", "cameras {:.1f} deg"),
+    ("matched_share", "matched {:.0%}"),
+    ("reprojection_px", "reprojection {:.1f} px"),
+)
+HEADLINE_PARTS = 3
+
+
+@dataclass(frozen=True)
+class ActionSummary:
+    """One action.
+
+    state: whether its stages are cached ("not made": built in, made by its first run). videos:
+    their number; None unless action.yaml can be read. stages, cached: numbers of stages. headline:
+    the figures of its last report. fault: why action.yaml is invalid.
+    """
+
+    name: str
+    state: State
+    videos: int | None = None
+    stages: int = 0
+    cached: int = 0
+    headline: str = ""
+    fault: str = ""
+
+
+@plain_errors
+def list_actions(root: str | Path = ".") -> list[ActionSummary]:
+    """The actions below root/actions and the built-in ones, by name."""
+    workspace = Workspace(Path(root))
+    names = {file.parent.name for file in (workspace.root / "actions").glob("*/action.yaml")}
+    return [
+        _summary(workspace, name) if name in names else ActionSummary(name, "not made")
+        for name in sorted({*names, *BUILT_IN})
+    ]
+
+
+def _summary(workspace: Workspace, name: str) -> ActionSummary:
+    try:
+        job = workspace.job(name, [])
+        statuses = list(runner.stage_statuses(job))
+    except ImocapError as error:
+        return ActionSummary(name, "invalid", fault=str(error))
+    cached = sum(status.stored is not None for status in statuses)
+    if cached == len(statuses):
+        state: State = "cached"
+    elif any(job.store.current(job.action.name, s).is_file() for s in job.pipeline.stages):
+        state = "partly cached"
+    else:
+        state = "not run"
+    return ActionSummary(
+        name,
+        state,
+        videos=len(job.action.videos),
+        stages=len(statuses),
+        cached=cached,
+        headline=headline_of(job.store.report(job.action.name) / "summary.csv"),
+    )
+
+
+def headline_of(summary: Path) -> str:
+    """The main figures of a report's last result; empty when there is no table of them."""
+    if not summary.is_file():
+        return ""
+    with summary.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    if not rows:
+        return ""
+    values = [(text, _number(rows[-1].get(column))) for column, text in HEADLINE]
+    parts = [text.format(value) for text, value in values if value is not None]
+    return ", ".join(parts[:HEADLINE_PARTS])
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+NAMES = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter. value: that in force, or the default; bounds: in words; doc: its meaning."""
+
+    group: str
+    name: str
+    value: Any
+    default: Any
+    unit: str
+    bounds: str
+    doc: str
+
+
+def parameter_table(group: str | None = None, params: AllParams | None = None) -> list[Parameter]:
+    """The parameters of one group, or of all, in order.
+
+    params: whose values are shown, the defaults when None. ValueError for an unknown group; the
+    message lists all.
+    """
+    groups = [f.name for f in fields(AllParams)]
+    if group is not None and group not in groups:
+        raise ValueError(f"no group of parameters {group!r} (the groups are: {', '.join(groups)})")
+    values = params or AllParams()
+    wanted = groups if group is None else [group]
+    return [row for name in wanted for row in _rows(name, values)]
+
+
+def group_doc(group: str) -> str:
+    """What a group is about, as Markdown."""
+    return inspect.cleandoc(type(getattr(AllParams(), group)).__doc__ or "")
+
+
+def _rows(group: str, params: AllParams) -> Iterator[Parameter]:
+    values, defaults = getattr(params, group), getattr(AllParams(), group)
+    hints = get_type_hints(type(values), include_extras=True)
+    for f in fields(values):
+        yield Parameter(
+            group=group,
+            name=f.name,
+            value=getattr(values, f.name),
+            default=getattr(defaults, f.name),
+            unit=f.metadata["unit"],
+            bounds=_bounds(hints[f.name]),
+            doc=f.metadata["doc"],
+        )
+
+
+def _bounds(hint: Any) -> str:
+    """A type with its bounds in words: "number > 0", "als, svt or none"."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return f"{_bounds(inner[0])} {_limits(inner[1:])}"
+    if origin is Literal:
+        return f"{', '.join(inner[:-1])} or {inner[-1]}"
+    if origin is dict:
+        return f"name: {_bounds(inner[1])}"
+    if origin is UnionType:
+        return " or ".join("null" if part is NoneType else _bounds(part) for part in inner)
+    return NAMES[hint]
+
+
+def _limits(marks: tuple[Any, ...]) -> str:
+    """Bounds in words: "> 0", "≥ 1", "from 0 to 1"."""
+    (mark,) = marks
+    if isinstance(mark, Interval):
+        return f"from {mark.ge} to {mark.le}"
+    return f"> {mark.gt}" if isinstance(mark, Gt) else f"≥ {mark.ge}"
+
+
+@plain_errors
+def parameters(group: str | None = None, *, root: str | Path = ".") -> list[Parameter]:
+    """All parameters, or those of one group, with pipeline.yaml's values; WrongUse for an unknown
+    group."""
+    return parameter_table(group, Workspace(Path(root)).pipeline().params)
+
+
+WRITTEN = {
+    "npz": "SMPL parameters, joints and camera of each video",
+    "amass": "the same as AMASS's files have it (SMPL+H, SMPL-X), and SMPL's 72 numbers",
+    "bvh": "a joint tree, with the names of SMPL, of characters, or of LAFAN1 (for robots)",
+    "glb": "animated skinned bodies and cameras in one scene",
+    "fbx": "an animated skinned character, written by Blender",
+    "usd": "an animated skinned character, written by Blender",
+    "trc": "joints as markers",
+    "c3d": "joints, surface markers and joint angles",
+    "opensim": "a model of the performer, markers and angles",
+    "csv": "joints, a row a frame",
+    "calib": "the cameras, for Pose2Sim and OpenCV",
+    "mcap": "a file to look at in Foxglove and Rerun",
+}
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: what it is of, its name in action.yaml or for --format, what it is."""
+
+    use: Literal["keypoints", "initial", "export"]
+    name: str
+    what: str
+
+
+KEYPOINTS_READ = {
+    "openpose": "OpenPose: a folder with one JSON file per frame, each with any number of people",
+    "alphapose": (
+        "AlphaPose: alphapose-results.json, one list per clip with one entry per person and frame"
+    ),
+    "mmpose": "MMPose: the predictions of one clip as one JSON file",
+    "coco": "COCO's results: one JSON list per clip with one entry per person and frame",
+    "easymocap": "EasyMocap: a folder annots/CAMERA with one JSON file a frame",
+    "ultralytics": (
+        "Ultralytics' pose models (YOLO): results saved as JSON, or the labels that save_txt writes"
+    ),
+    "npz": (
+        "npz, npy: 2D keypoints of one clip as plain arrays, for detectors without a file format"
+    ),
+    "deeplabcut": "DeepLabCut: the CSV of one video, with three or four heading rows, or its .h5",
+    "sleap": (
+        "SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5"
+    ),
+    "sam3d_body": (
+        "SAM 3D Body as a detector: the 70 points of every person in the picture, hands"
+        " and feet too"
+    ),
+    "mediapipe": "MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz",
+    "cpn_npz": (
+        "VideoPose3D's 2D keypoints: data_2d_*.npz, positions_2d of many clips in one file"
+    ),
+}
+INITIAL_READ = {
+    "smpl_npz": (
+        "smpl_npz: SMPL parameters of one video, as imocap export --format npz writes them"
+    ),
+    "hmr2": "4D-Humans (HMR2) with PHALP: the .pkl of its tracking, one dictionary per clip",
+    "tokenhmr": "4D-Humans (HMR2) with PHALP: the .pkl of its tracking, one dictionary per clip",
+    "wham": "WHAM: wham_output.pkl, written by its demo with joblib when asked to save",
+    "gvhmr": (
+        "GVHMR: hmr4d_results.pt, and GEM: smpl_params.pt; one person's motion, saved with torch"
+    ),
+    "gem": (
+        "GVHMR: hmr4d_results.pt, and GEM: smpl_params.pt; one person's motion, saved with torch"
+    ),
+    "prompthmr": "PromptHMR: results.pkl, written by its video pipeline with joblib",
+    "vibe": "VIBE: vibe_output.pkl, written by its demo with joblib (and by tools in its format)",
+    "hmmr": "HMMR: hmmr_output.pkl, one person's track, pickled by its demo",
+    "tram": (
+        "TRAM: hps/hps_track_0.npy (and further tracks), one person each, saved by its script"
+    ),
+    "nlf": (
+        "NLF: what detect_smpl_batched returns, saved by the user with torch.save, "
+        "pickle or as JSON"
+    ),
+    "multihmr": "Multi-HMR: the people that its model returns for every frame, saved by the user",
+    "joints_npz": "joints_npz: any monocular estimator's 3D joints of one video",
+    "sam3d_body": (
+        "SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user"
+    ),
+    "metrabs": 'MeTRAbs: what detect_poses(..., skeleton="smpl_24") returns, saved by the user',
+    "mediapipe_world": "MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz",
+}
+
+
+def formats() -> list[Format]:
+    """Keypoints and monocular estimates that are read, and exports that are written."""
+    from imocap_core.export.formats import WRITERS
+    from imocap_core.io.readers.keypoint_readers import ANY_FILE
+
+    anything = {name: f"any of these with the points {layout}" for name, layout in ANY_FILE.items()}
+    return [
+        *(Format("keypoints", name, what) for name, what in KEYPOINTS_READ.items()),
+        *(Format("keypoints", name, what) for name, what in anything.items()),
+        *(Format("initial", name, what) for name, what in INITIAL_READ.items()),
+        *(Format("export", name, WRITTEN.get(name, "")) for name in WRITERS),
+    ]

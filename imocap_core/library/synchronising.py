@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imocap_core.errors import WrongUse
-from imocap_core.library.door import plain_errors
-from imocap_core.library.folders import output_folder
-from imocap_core.library.one_off import Params, one_off
-from imocap_core.library.progress import Progress, displaying
+from imocap_core.library.api_errors import Params, Progress, displaying, one_off, plain_errors
+from imocap_core.library.outputs import output_folder
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
-from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
-from imocap_core.standalone_sync.sources import Declared, VideoSource, read_size, sources_of
+from imocap_core.result.video import Synchronisation, synchronisation_of
+from imocap_core.sync_sources import Declared, VideoSource, read_size, sources_of
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
-    from imocap_core.standalone_sync.run import Synchronised
+    from imocap_core.standalone_sync import Synchronised
 
 Clip = str | Path | np.ndarray
 
@@ -110,7 +108,7 @@ def synchronise_videos(
         name: of the results below artifacts/. out: another folder for the files.
         repetitions: cut one long clip into its repetitions first.
     """
-    from imocap_core.standalone_sync.run import synchronise_action, write_synchronised
+    from imocap_core.standalone_sync import synchronise_action, write_synchronised
 
     folder = None if out is None else output_folder(out)
     with displaying(progress) as display:
@@ -136,7 +134,7 @@ def _of_sources(
     progress: Progress,
 ) -> Synchronisation:
     """The synchronisation of 2D keypoints, from which 3D poses are estimated first."""
-    from imocap_core.standalone_sync.run import synchronise_action
+    from imocap_core.standalone_sync import synchronise_action
 
     with displaying(progress) as display:
         solved = synchronise_action(
@@ -169,8 +167,8 @@ def _of_joints(
     arrays: Sequence[np.ndarray], fps: float | None, reference: str | None, params: Params
 ) -> Synchronisation:
     """The synchronisation of 3D joints (T, 24, 3), by the defaults of pipeline.yaml."""
+    from imocap_core.adapters.synchronisation import synchronise_joints
     from imocap_core.pipeline.graph import settings
-    from imocap_core.problem.synchronisation import synchronise_joints
 
     wrong = [a.shape for a in arrays if a.ndim != 3 or a.shape[1:] != (24, 3)]
     if wrong:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from imocap_core.adapters.detected_people import DetectedVideo, followed_video, performer_keypoints
+from imocap_core.adapters.tracked_people import (
+    TrackedVideo,
+    advice,
+    choose_performers,
+    declared_row,
+)
 from imocap_core.errors import WorkFailed
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.action import Action, Declaration
-from imocap_core.problem.cuts import advice
-from imocap_core.problem.detected_people import DetectedVideo
-from imocap_core.problem.performer_keypoints import performer_keypoints
-from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, declared_row
-from imocap_core.problem.tracked_video import followed_video
 
 
 def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:

@@ -11,13 +11,17 @@ from typing import Any
 import numpy as np
 
 from imocap_core.errors import ImocapError
-from imocap_core.library.new_action import action_of_videos, free_labels, name_of
+from imocap_core.files import write_whole
+from imocap_core.library.new_action import (
+    action_of_videos,
+    files_below,
+    free_labels,
+    name_of,
+    video_files,
+)
 from imocap_core.library.result import Result, load
-from imocap_core.library.video_files import files_below, video_files
-from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
-from imocap_core.pipeline.declared_paths import declared_path
-from imocap_core.pipeline.edited_yaml import edited_text
-from imocap_core.whole_files import write_whole
+from imocap_core.pipeline.action import DETECT, FILE_NAME, declared_path, read_action
+from imocap_core.pipeline.yaml_file import edited_text
 
 POLL_S = 2.0
 HISTORY = "history.md"

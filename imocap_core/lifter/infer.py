@@ -1,5 +1,10 @@
 """Inference on a whole video: overlapping windows at about the network's frame rate, blended.
 
+One alternative motion from the hypotheses of overlapping windows (Viterbi).
+
+The hypotheses of a window have no particular order. The cheapest path selects one of each window so
+that overlapping windows agree and the motion differs from the mean output.
+
 A video of 60 frames a second is processed as four interleaved ones of 15, and so on. Windows
 overlap by two thirds; their outputs are rotated back into camera axes and blended. Test-time
 augmentation: every window is also processed mirrored, and the two outputs are averaged.
@@ -15,10 +20,42 @@ from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.lifter.network import RATE_HZ, WINDOW, Lifter, LifterOutput
-from imocap_core.lifter.points import COMMON, MIRROR
-from imocap_core.lifter.rays import person_centred_features
-from imocap_core.lifter.stitch import stitch_alternatives
+from imocap_core.lifter.lifter_network import (
+    COMMON,
+    MIRROR,
+    RATE_HZ,
+    WINDOW,
+    Lifter,
+    LifterOutput,
+    person_centred_features,
+)
+
+DIFFERENCE = 0.5  # weight of the distance from the mean output, relative to that in an overlap
+
+
+def stitch_alternatives(
+    joints: Float[Tensor, "B L 24 3"], alternatives: Float[Tensor, "B L H 24 3"], hop: int
+) -> Float[Tensor, "B L 24 3"]:
+    """One alternative of each window, consistent from window to window.
+
+    Args:
+        joints: mean outputs. alternatives: hypotheses. hop: frames between consecutive windows.
+    """
+    distance = (alternatives - joints[:, :, None]).norm(dim=-1).mean((1, 3))
+    unary = -DIFFERENCE * distance
+    total, back = unary[0], []
+    for before, after, cost in zip(alternatives[:-1], alternatives[1:], unary[1:], strict=True):
+        a, b = before[hop:], after[: len(after) - hop]
+        step = (a[:, :, None] - b[:, None]).norm(dim=-1).mean((0, 3))
+        best = (total[:, None] + step).min(0)
+        total = best.values + cost
+        back.append(best.indices)
+    chosen = [int(total.argmin())]
+    for pointer in reversed(back):
+        chosen.append(int(pointer[chosen[-1]]))
+    picked = torch.tensor(chosen[::-1], device=joints.device)
+    return alternatives[torch.arange(len(picked), device=joints.device), :, picked]
+
 
 HOP = WINDOW // 3
 CHUNK = 64  # windows in one pass of the network

@@ -1,18 +1,65 @@
-"""Joint position errors: mean over joints, then over frames; a NaN joint or frame is left out.
+"""Joint position errors, of bodies and of hands; a NaN joint or frame is left out.
+
+The joints that are compared, and their origin: the midpoint of the hips.
+
+Joint position errors: mean over joints, then over frames; a NaN joint or frame is left out.
 
 All take root-relative joints (T, J, 3) in metres (`metrics.joints.root_relative`), prediction and
 truth in the axes of the same camera, and return millimetres; ValueError where the two shapes
 differ. Means over videos and actions, unweighted, are the caller's.
+
+Hand position errors: 21 keypoints relative to the wrist, both hands together.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Real
 
 from imocap_core.alignment import similarity
+
+HIPS = ("left_hip", "right_hip")
+
+
+def missing_joints(names: Sequence[str], wanted: Sequence[str]) -> tuple[str, ...]:
+    """The wanted joints that are not among ``names``, in the order wanted."""
+    return tuple(name for name in wanted if name not in set(names))
+
+
+def select_joints(
+    joints: Float[np.ndarray, "*batch J 3"], names: Sequence[str], wanted: Sequence[str]
+) -> Float[np.ndarray, "*batch W 3"]:
+    """The wanted joints, in the order of ``wanted``.
+
+    Raises:
+        ValueError: ``names`` does not name every joint, or lacks one that is wanted.
+    """
+    x = np.asarray(joints, dtype=np.float64)
+    if x.ndim < 2 or x.shape[-2:] != (len(names), 3):
+        raise ValueError(f"joints must be (..., {len(names)}, 3) to match its names, got {x.shape}")
+    absent = missing_joints(names, wanted)
+    if absent:
+        raise ValueError(f"joints lack {', '.join(absent)}; they have {', '.join(names)}")
+    index = {name: i for i, name in enumerate(names)}
+    return x[..., [index[name] for name in wanted], :]
+
+
+def hip_midpoint(
+    joints: Float[np.ndarray, "*batch J 3"], names: Sequence[str]
+) -> Float[np.ndarray, "*batch 3"]:
+    """The evaluation's pelvis: the midpoint of both hips."""
+    return select_joints(joints, names, HIPS).mean(axis=-2)
+
+
+def root_relative(
+    joints: Float[np.ndarray, "*batch J 3"], names: Sequence[str], wanted: Sequence[str]
+) -> Float[np.ndarray, "*batch W 3"]:
+    """The wanted joints relative to the midpoint of the hips."""
+    return select_joints(joints, names, wanted) - hip_midpoint(joints, names)[..., None, :]
+
 
 MM_PER_M = 1000.0
 
@@ -114,3 +161,31 @@ def _nanmean(values: np.ndarray, axis: int) -> np.ndarray:
     with warnings.catch_warnings():  # a frame without any joint is NaN by intent
         warnings.filterwarnings("ignore", "Mean of empty slice", RuntimeWarning)
         return np.asarray(np.nanmean(values, axis=axis))
+
+
+def hand_mpjpe_mm(
+    predicted_m: Float[np.ndarray, "T 2 21 3"], true_m: Float[np.ndarray, "T 2 21 3"]
+) -> float:
+    """Mean distance of the keypoints, each hand relative to its wrist; nothing rotated."""
+    return mpjpe_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
+
+
+def hand_mpjpe_scaled_mm(
+    predicted_m: Float[np.ndarray, "T 2 21 3"], true_m: Float[np.ndarray, "T 2 21 3"]
+) -> float:
+    """The same after each predicted hand is multiplied by |true|_F / |predicted|_F."""
+    return mpjpe_scaled_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
+
+
+def hand_pa_mpjpe_mm(
+    predicted_m: Float[np.ndarray, "T 2 21 3"], true_m: Float[np.ndarray, "T 2 21 3"]
+) -> float:
+    """The same after a similarity Procrustes alignment of each hand in each frame: the fingers."""
+    return pa_mpjpe_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
+
+
+def _hands_as_frames(points_m: np.ndarray) -> np.ndarray:
+    points = np.asarray(points_m, dtype=np.float64)
+    if points.ndim != 4 or points.shape[1:] != (2, 21, 3):
+        raise ValueError(f"hands: expected (T, 2, 21, 3), got {points.shape}")
+    return (points - points[:, :, :1]).reshape(-1, 21, 3)

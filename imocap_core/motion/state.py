@@ -1,16 +1,30 @@
-"""The solver's unknowns: rotations on their manifold, root paths, body shape, cameras."""
+"""The solver's unknowns, the keypoints and joints of the body for them, and their mirror images.
+
+The solver's unknowns: rotations on their manifold, root paths, body shape, cameras.
+
+Positions of the body's keypoints and joints for a state, and their derivatives.
+
+Mirror images of motions, cameras and keypoints: reflection about the plane x = 0.
+
+A video that was filmed in a mirror, or flipped, shows left and right swapped. Its mirror image is
+taken in the axes of its own camera, x -> -x with S = diag(-1, 1, 1), so that pictures are reflected
+about the principal point. Every function is its own inverse.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from imocap_core.body import Model, PointSet, Posed, join_points, pick_points, points_with_jacobian
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.rotations import exp, log
 
 POSE = 72
@@ -183,3 +197,119 @@ class MotionState:
             trans=row.trans[:, :frames],
             valid=row.valid[:, :frames],
         )
+
+
+FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
+MOVING = (
+    *(f"{side}_{end}" for end in ("hip", "knee", "ankle") for side in ("left", "right")),
+    *(f"{side}_{end}" for end in ("shoulder", "elbow", "wrist") for side in ("left", "right")),
+    "head",
+)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Positions of K points and their derivatives (None where not computed).
+
+    Attributes:
+        xyz: (B, T, K, 3) metres.
+        d_pose: (B, T, K, 3, 72) by the local increments; d_beta: (B, T, K, 3, 10).
+    """
+
+    xyz: Float[Tensor, "B T K 3"]
+    d_pose: Float[Tensor, "B T K 3 72"] | None = None
+    d_beta: Float[Tensor, "B T K 3 10"] | None = None
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body model with the keypoints of one layout, the 24 joints, and some of them: those of the
+    feet, and those that move by themselves (limbs and head)."""
+
+    model: Model
+    keypoints: PointSet
+    joints: PointSet
+    feet: PointSet
+    moving: PointSet
+
+    @classmethod
+    def of(cls, model: Model, *layouts: str) -> Body:
+        """The model with the keypoints of one or several layouts, one after another."""
+        joints = model.points("smpl24")
+        keypoints = join_points([model.points(x) for x in layouts])
+        feet, moving = pick_points(joints, FEET), pick_points(joints, MOVING)
+        return cls(model, keypoints, joints, feet, moving)
+
+    def posed(self, state: MotionState) -> Posed:
+        """The body in the state's shape and poses."""
+
+        def pose() -> Posed:
+            return self.model.shape(state.betas[:, None]).pose(state.R_local, state.trans)
+
+        return state.cached((self.model,), pose)
+
+    def positions(self, points: PointSet, state: MotionState) -> Points:
+        """Positions only."""
+        posed = self.posed(state)
+        return state.cached((self.model, points), lambda: Points(posed.keypoints(points)))
+
+    def derivatives(
+        self, points: PointSet, state: MotionState, frames: slice = slice(None)
+    ) -> Points:
+        """Positions and their derivatives, of some frames."""
+        posed = self.posed(state)
+        moving = (x[:, frames] for x in (posed.R_local, posed.transl, posed.R_world))
+        return Points(*points_with_jacobian(Posed(posed.shaped, *moving), points))
+
+
+REFLECTION = np.array([-1.0, 1.0, 1.0])
+TWINS = list(mirror_indices(SMPL_JOINTS))
+
+
+def mirrored_pose(theta: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 72"]:
+    """Axis-angle poses in a mirror: R -> S R S for each joint's twin."""
+    vectors = theta.reshape(-1, 24, 3)[:, TWINS] * -REFLECTION  # axes of rotation turn too
+    return vectors.reshape(-1, 72)
+
+
+def mirrored_translation(
+    trans: Float[np.ndarray, "T 3"], root_rest: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "T 3"]:
+    """SMPL translations of the mirror image; root_rest: the resting root joint of the shape."""
+    return (root_rest + trans) * REFLECTION - root_rest
+
+
+def mirrored_joints(joints: Float[np.ndarray, "... 24 3"]) -> Float[np.ndarray, "... 24 3"]:
+    """SMPL's joints in a mirror, left and right swapped."""
+    return joints[..., TWINS, :] * REFLECTION
+
+
+def mirrored_covariance(
+    covariance: Float[np.ndarray, "... 24 3 3"],
+) -> Float[np.ndarray, "... 24 3 3"]:
+    """Covariances of SMPL's joints in a mirror: S C S of each joint's twin."""
+    return covariance[..., TWINS, :, :] * REFLECTION[:, None] * REFLECTION
+
+
+def mirrored_extrinsics(
+    R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """The camera that films the mirror image of the world: S R S, S t; its intrinsics stay."""
+    return REFLECTION[:, None] * R * REFLECTION, REFLECTION * t
+
+
+def mirrored_pixels(
+    xy_px: Float[np.ndarray, "T K 2"], K: Float[np.ndarray, "3 3"], twins: Sequence[int]
+) -> Float[np.ndarray, "T K 2"]:
+    """Keypoints of the reflected picture; twins: each keypoint's left-right counterpart."""
+    reflected = np.stack([2.0 * K[0, 2] - xy_px[..., 0], xy_px[..., 1]], axis=-1)
+    return reflected[:, list(twins)]
+
+
+def mirrored_boxes(
+    box_px: Float[np.ndarray, "T 4"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "T 4"]:
+    """Boxes x0 y0 x1 y1 of the reflected picture."""
+    box = box_px.copy()
+    box[:, [0, 2]] = 2.0 * K[0, 2] - box[:, [2, 0]]
+    return box

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from imocap_core.params.collect import CollectParams
-from imocap_core.params.evaluate import EvaluateParams
-from imocap_core.params.event import EventParams
-from imocap_core.params.fit import FitParams
-from imocap_core.params.hands import HandsParams
-from imocap_core.params.initial import InitialSmplParams
-from imocap_core.params.motion import MotionParams, RefineParams, UncertaintyParams
-from imocap_core.params.sync import RepetitionParams, SyncParams
-from imocap_core.params.video import (
+from imocap_core.params.motion_params import (
+    EvaluateParams,
+    FitParams,
+    HandsParams,
+    InitialSmplParams,
+    MotionParams,
+    RefineParams,
+    UncertaintyParams,
+)
+from imocap_core.params.sync_params import EventParams, RepetitionParams, SyncParams
+from imocap_core.params.video_params import (
     CameraMotionParams,
+    CollectParams,
     DetectParams,
     KeypointsParams,
     RedetectParams,

@@ -1,20 +1,287 @@
-"""The server of the page: 127.0.0.1 only, for one user, until it is ended."""
+"""The page's server: 127.0.0.1 only, for one user: who may ask, and the answers.
+
+Who may ask the page's server: a browser on this machine that was given the address.
+
+The server listens on this machine only, but any page in a browser can send requests there, and any
+name can be made to lead to 127.0.0.1. So the address has a random token, compared in constant
+time; the Host header must name this machine (DNS rebinding); what changes something must come from
+the page itself (Origin), as JSON of limited size.
+
+The page's requests: its files, pictures by number, and changes of action.yaml.
+
+The server of the page: 127.0.0.1 only, for one user, until it is ended.
+
+pick: the page on which an action's clips, performers, spans and anchors are chosen.
+"""
 
 from __future__ import annotations
 
+import hmac
+import json
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
 from socketserver import ThreadingMixIn
 from threading import Event, Thread
-from typing import Any
+from typing import Any, Literal
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer
 
-from imocap_core.errors import WorkFailed
-from imocap_core.pick.guard import guarded
-from imocap_core.pick.routes import routes
-from imocap_core.pick.session import Session
+from bottle import (
+    Bottle,  # type: ignore[import-untyped]
+    HTTPResponse,  # type: ignore[import-untyped]
+    request,  # type: ignore[import-untyped]
+)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from imocap_core.errors import ImocapError, WorkFailed, program_fault, system_fault
+from imocap_core.library.api_errors import plain_errors
+from imocap_core.library.new_action import action_of_videos
+from imocap_core.pick.edits import Edit
+from imocap_core.pick.session import ChangedElsewhere, Session
+from imocap_core.pipeline.action import Model, explain_faults, find_action
+
+Environ = dict[str, Any]
+Start = Callable[..., Any]
+Application = Callable[[Environ, Start], Iterable[bytes]]
+
+MOST_BYTES = 64 * 1024  # of a request
+MOST_DIGITS = 20  # of a number of bytes
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+
+
+def refusal(environ: Environ, token: str, port: int) -> tuple[str, str] | None:
+    """Status and sentence for a request that is refused; None for one that is answered."""
+    hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+    host = environ.get("HTTP_HOST", "")
+    if host not in hosts:
+        return "403 Forbidden", "this server answers to 127.0.0.1 only"
+    given = environ.get("PATH_INFO", "").lstrip("/").partition("/")[0]
+    if not hmac.compare_digest(given.encode("utf-8", "replace"), token.encode()):
+        return "403 Forbidden", "use the whole address that imocap pick printed"
+    if environ.get("HTTP_SEC_FETCH_SITE", "none") not in ("same-origin", "none"):
+        return "403 Forbidden", "requests from other pages are refused"
+    method = environ.get("REQUEST_METHOD")
+    if method == "GET":
+        return None
+    if method != "POST":
+        return "405 Method Not Allowed", "expected GET or POST"
+    return _refused_write(environ, host)
+
+
+def _refused_write(environ: Environ, host: str) -> tuple[str, str] | None:
+    if environ.get("HTTP_ORIGIN") != f"http://{host}":
+        return "403 Forbidden", "changes are taken from the page itself only"
+    if environ.get("CONTENT_TYPE", "").partition(";")[0].strip() != "application/json":
+        return "415 Unsupported Media Type", "expected JSON"
+    length = environ.get("CONTENT_LENGTH", "")
+    if not length.isascii() or not length.isdigit():
+        return "411 Length Required", "expected a length"
+    if len(length) > MOST_DIGITS or int(length) > MOST_BYTES:
+        return "413 Content Too Large", f"expected at most {MOST_BYTES} bytes"
+    return None
+
+
+def guarded(application: Application, token: str, port: int, fault: Callable[[str], None]) -> Any:
+    """The application behind these checks, below /TOKEN; no error's traceback leaves it.
+
+    fault: called with a sentence about a fault of the program.
+    """
+
+    def guard(environ: Environ, start: Start) -> Iterable[bytes]:
+        def start_safely(status: str, headers: list[tuple[str, str]], *rest: Any) -> Any:
+            return start(status, [*headers, *HEADERS.items()], *rest)
+
+        refused = refusal(environ, token, port)
+        if refused is not None:
+            return _text(start_safely, *refused)
+        path = environ["PATH_INFO"].lstrip("/").partition("/")
+        environ["SCRIPT_NAME"], environ["PATH_INFO"] = f"/{token}", f"{path[1]}{path[2]}"
+        if not path[1]:
+            location = ("Location", f"/{token}/")
+            start_safely("308 Permanent Redirect", [location, ("Content-Length", "0")])
+            return [b""]
+        try:
+            return application(environ, start_safely)
+        except Exception as error:
+            fault(program_fault(error))
+            return _text(start_safely, "500 Internal Server Error", "a fault of the program")
+
+    return guard
+
+
+def _text(start: Start, status: str, sentence: str) -> list[bytes]:
+    body = f"imocap: {sentence}\n".encode()
+    headers = [
+        ("Content-Type", "text/plain; charset=utf-8"),
+        ("Content-Length", str(len(body))),
+        ("Cache-Control", "no-store"),
+    ]
+    start(status, headers)
+    return [body]
+
+
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+class EditRequest(BaseModel):
+    """Edits of a revision of action.yaml, made together."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    revision: str
+    edits: list[Edit] = Field(min_length=1, max_length=50)
+
+
+class StepRequest(BaseModel):
+    """A step back or forward from a revision."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    revision: str
+    step: Literal["undo", "redo"]
+
+
+class EmptyRequest(BaseModel):
+    """Nothing but the wish."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+def routes(session: Session, end: Callable[[], None]) -> Bottle:
+    """The application; `end` is called when the user is done."""
+    app = Bottle()
+    app.catchall = False  # the guard answers for faults of the program
+    page = page_files()
+    app.route("/", "GET", lambda: _file(page, "index.html"))
+    app.route("/page/<name>", "GET", lambda name: _file(page, name))
+    app.route("/state", "GET", lambda: _json(session.document()))
+    app.route("/people/<key>", "GET", lambda key: _people(session, key))
+    app.route(
+        "/pictures/<file:int>/<kind:re:thumb|large>/<number:int>.jpg",
+        "GET",
+        lambda file, kind, number: _picture(session, file, kind, number),
+    )
+    app.route("/edit", "POST", lambda: _changed(session, lambda: _edit(session)))
+    app.route("/step", "POST", lambda: _changed(session, lambda: _step(session)))
+    app.route("/detect", "POST", lambda: _changed(session, lambda: _detect(session)))
+    app.route("/done", "POST", lambda: _changed(session, lambda: _end(end)))
+    app.default_error_handler = lambda error: _error(error.status_code, "there is nothing here")
+    return app
+
+
+def page_files() -> dict[str, bytes]:
+    """The files of the page by name; nothing else can be asked for by name."""
+    folder = resources.files("imocap_core.pick") / "web"
+    return {file.name: file.read_bytes() for file in folder.iterdir() if _type_of(file.name)}
+
+
+def _type_of(name: str) -> str | None:
+    return TYPES.get(name[name.rfind(".") :]) if "." in name else None
+
+
+def _file(page: dict[str, bytes], name: str) -> HTTPResponse:
+    if name not in page:
+        return _error(404, "there is nothing here")
+    return _response(200, page[name], str(_type_of(name)))
+
+
+def _people(session: Session, key: str) -> HTTPResponse:
+    outlines = session.tracks.get(key)
+    if outlines is None:
+        return _error(404, "there is nothing here")
+    return _response(200, outlines, "application/json", "private, max-age=3600")
+
+
+def _picture(session: Session, number: int, kind: str, frame: int) -> HTTPResponse:
+    try:
+        picture = session.media.picture(number, kind, frame)
+    except ValueError as error:
+        return _error(422, str(error))
+    if picture is None:
+        return _error(404, "there is nothing here")
+    return _response(200, picture, "image/jpeg", "private, max-age=3600")
+
+
+def _edit(session: Session) -> None:
+    asked = _body(EditRequest)
+    session.file.edit(asked.revision, asked.edits, session.counts())
+
+
+def _step(session: Session) -> None:
+    asked = _body(StepRequest)
+    (session.file.undo if asked.step == "undo" else session.file.redo)(asked.revision)
+
+
+def _detect(session: Session) -> None:
+    _body(EmptyRequest)
+    session.find_people()
+
+
+def _end(end: Callable[[], None]) -> None:
+    _body(EmptyRequest)
+    end()
+
+
+def _body(model: type[Model]) -> Model:
+    """The request's JSON. ValueError when it is none."""
+    length = int(request.environ["CONTENT_LENGTH"])
+    try:
+        data = request.environ["wsgi.input"].read(length)
+    except OSError:  # it sends nothing more
+        data = b""
+    if len(data) < length:
+        raise ValueError(f"the request broke off: {len(data)} of its {length} bytes came")
+    return model.model_validate_json(data)
+
+
+def _changed(session: Session, change: Callable[[], None]) -> HTTPResponse:
+    """The state after a change; 409 when another program was faster, 422 with a sentence."""
+    try:
+        change()
+    except ChangedElsewhere as error:
+        return _error(409, str(error))
+    except ValidationError as error:
+        return _error(422, explain_faults(error, "the request"))
+    except (ImocapError, ValueError, RecursionError) as error:
+        return _error(422, session.plain(str(error)))
+    except OSError as error:
+        return _error(422, session.plain(f"action.yaml cannot be written: {system_fault(error)}"))
+    return _json(session.document())
+
+
+def _json(document: dict[str, Any]) -> HTTPResponse:
+    return _response(200, json.dumps(document, allow_nan=False).encode(), "application/json")
+
+
+def _error(status: int, sentence: str) -> HTTPResponse:
+    return _response(status, json.dumps({"error": sentence}).encode(), "application/json")
+
+
+def _response(status: int, body: bytes, kind: str, cache: str = "no-store") -> HTTPResponse:
+    return HTTPResponse(
+        body,
+        status,
+        {"Content-Type": kind, "Content-Length": str(len(body)), "Cache-Control": cache},
+    )
+
 
 HOST = "127.0.0.1"
 TOKEN_BYTES = 24
@@ -79,3 +346,28 @@ def serving(
         server.shutdown()
         server.server_close()
         session.close()
+
+
+@plain_errors
+def open_session(name: str, videos: Sequence[Path], root: Path) -> tuple[Session, list[str]]:
+    """The session of an action, by name or folder, and remarks on its files.
+
+    With videos it is made first, as by `init`. WrongUse when there is none, WorkFailed when its
+    action.yaml is wrong.
+    """
+    remarks = action_of_videos(root, name, videos)[1] if videos else []
+    return Session(root, name, find_action(name, root)), remarks
+
+
+@contextmanager
+def picking(
+    name: str,
+    videos: Sequence[Path],
+    root: Path,
+    port: int = 0,
+    fault: Callable[[str], None] = lambda sentence: None,
+) -> Iterator[Served]:
+    """Serve the page of an action while the body runs (arguments: `open_session`, `serving`)."""
+    session, remarks = open_session(name, videos, root)
+    with serving(session, port, fault, remarks) as served:
+        yield served

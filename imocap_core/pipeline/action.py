@@ -1,23 +1,149 @@
-"""An action: the folder with the videos to capture, and its action.yaml."""
+"""An action: the folder with the videos to capture, its action.yaml, and where its files lie.
+
+`person` in action.yaml: the performer of a video, where the program would choose another.
+
+The user's hints for the synchronisation in action.yaml: anchors and forbidden spans.
+
+An action: the folder with the videos to capture, and its action.yaml.
+
+Files as action.yaml declares them: by their path from its folder.
+
+Where the files of videos lie when an action is taken along: inside its folder.
+
+Results say where files lie in these terms, so that an action with videos anywhere and the same one
+with them inside have results of the same digests.
+
+One video file given twice.
+"""
 
 from __future__ import annotations
 
+import os
+import posixpath
 import re
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from itertools import combinations
+from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from imocap_core.artifacts.schemas.base import NAME, Id
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.identifiers import NAME, Id
-from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
+from imocap_core.io.npz import FILES, has_pose2sim_truth
 from imocap_core.limits import LAST_FRAME, MAX_DISTORTION, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
-from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry, hint_faults
-from imocap_core.pipeline.person import Person
+from imocap_core.pipeline.source import content_digest
 from imocap_core.pipeline.yaml_file import load_yaml
+
+
+class Person(BaseModel):
+    """A track's number, or a point or box (x0, y0, x1, y1) in pixels of one source frame."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    track: Annotated[int, Field(ge=1)] | None = None
+    frame: Annotated[int, Field(ge=0)] | None = None
+    point_px: Annotated[tuple[float, float] | None, Field(alias="at")] = None
+    box: tuple[float, float, float, float] | None = None
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> Person:
+        choices = {"track": self.track, "at": self.point_px, "box": self.box}
+        given = [name for name, value in choices.items() if value is not None]
+        if len(given) != 1:
+            got = " and ".join(given) or "nothing"
+            raise ValueError(f"expected one of track, at, box, got {got}")
+        if (self.track is None) != (self.frame is not None):
+            raise ValueError(
+                "frame: expected with at and box, and not with track; got "
+                f"{'none' if self.frame is None else 'frame and track'}"
+            )
+        if self.box is not None and not (self.box[0] < self.box[2] and self.box[1] < self.box[3]):
+            raise ValueError(f"box: expected x0 < x1 and y0 < y1, got {list(self.box)}")
+        return self
+
+
+HintFrame = Annotated[int, Field(ge=0, strict=True)]
+
+
+class AnchorEntry(BaseModel):
+    """`{v1: 120, v2: 88, hard: true}`: these source frames show the same moment."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+    __pydantic_extra__: dict[str, HintFrame] = Field(init=False)
+
+    hard: bool = False
+
+    @property
+    def frames(self) -> dict[str, int]:
+        """Video id -> source frame."""
+        return dict(self.__pydantic_extra__)
+
+    @model_validator(mode="after")
+    def _has_two_videos(self) -> AnchorEntry:
+        if len(self.frames) < 2:
+            raise ValueError(
+                "expected frames of at least two videos, as in {v1: 120, v2: 88}; got "
+                f"{self.frames or 'none'}"
+            )
+        return self
+
+
+class ForbiddenEntry(BaseModel):
+    """`{video: v1, frames: [0, 40]}`: frames [first, one past last] that match no other video."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    video: str
+    frames: tuple[HintFrame, HintFrame]
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> ForbiddenEntry:
+        if self.frames[1] <= self.frames[0]:
+            raise ValueError(f"frames: expected [first, one past last], got {list(self.frames)}")
+        return self
+
+
+def hint_faults(
+    anchors: Sequence[AnchorEntry], forbidden: Sequence[ForbiddenEntry], ids: Sequence[str]
+) -> list[str]:
+    """One sentence for every unknown video, every two anchors that contradict the order of time,
+    and every anchor on a forbidden frame."""
+    expected = f"expected one of {', '.join(ids)}"
+    faults = [
+        f"anchors.{n}: unknown video {video!r}; {expected}"
+        for n, anchor in enumerate(anchors)
+        for video in anchor.frames
+        if video not in ids
+    ]
+    faults += [
+        f"forbidden.{n}: unknown video {span.video!r}; {expected}"
+        for n, span in enumerate(forbidden)
+        if span.video not in ids
+    ]
+    for (m, x), (n, y) in combinations(enumerate(anchors), 2):
+        for a, b in combinations([v for v in x.frames if v in y.frames], 2):
+            if (x.frames[a] - y.frames[a]) * (x.frames[b] - y.frames[b]) <= 0 and (
+                x.frames[a],
+                x.frames[b],
+            ) != (y.frames[a], y.frames[b]):
+                faults.append(
+                    f"anchors.{m} and anchors.{n} contradict the order of time: "
+                    f"{a} {x.frames[a]} = {b} {x.frames[b]}, "
+                    f"but {a} {y.frames[a]} = {b} {y.frames[b]}"
+                )
+    faults += [
+        f"anchors.{n}: frame {frame} of {video} is in the forbidden span {list(span.frames)}"
+        for n, anchor in enumerate(anchors)
+        for video, frame in anchor.frames.items()
+        for span in forbidden
+        if span.video == video and span.frames[0] <= frame < span.frames[1]
+    ]
+    return faults
+
 
 FILE_NAME = "action.yaml"
 DETECT = "detect"
@@ -211,3 +337,80 @@ def explain_faults(error: ValidationError, file: str) -> str:
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def declared_path(file: Path, folder: Path) -> str:
+    """The path of a file from an action's folder; the whole path where they share no drive."""
+    try:
+        return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+    except ValueError:
+        return file.resolve().as_posix()
+
+
+FOLDERS = {"video": "videos", "keypoints": "keypoints", "initial": "initial"}  # by key
+
+
+def leads_outside(given: str) -> bool:
+    """Whether a path, as action.yaml has it, leads out of the action's folder."""
+    path = PureWindowsPath(given)
+    absolute = bool(path.drive) or path.as_posix().startswith("/")
+    return absolute or posixpath.normpath(path.as_posix()).split("/")[0] == ".."
+
+
+def placed(videos: Sequence[Declaration]) -> tuple[Declaration, ...]:
+    """The declarations with all their files inside the action's folder; the rest as it is.
+
+    A file from outside goes to the folder of its kind, under its name; where that place is taken by
+    another one, the video's id comes before it.
+    """
+    given = [(v, key, path) for v in videos for key in FOLDERS if (path := _path(v, key))]
+    taken = {_same(path): path for _, _, path in given if not leads_outside(path)}
+    moved: dict[str, dict[str, str]] = {}
+    for video, key, path in given:
+        if leads_outside(path):
+            name = PureWindowsPath(path).name
+            place = f"{FOLDERS[key]}/{name}"
+            while taken.setdefault(_same(place), path) != path:
+                name = f"{video.id}_{name}"
+                place = f"{FOLDERS[key]}/{name}"
+            moved.setdefault(video.id, {})[key] = place
+    return tuple(video.model_copy(update=moved.get(video.id, {})) for video in videos)
+
+
+def _path(video: Declaration, key: str) -> str | None:
+    path: str | None = getattr(video, key)
+    return None if path == DETECT else path
+
+
+def _same(path: str) -> str:
+    """What two paths to one place have in common, on systems that do not tell a from A too."""
+    return posixpath.normpath(PureWindowsPath(path).as_posix()).casefold()
+
+
+def repeated_files(action: Action) -> list[str]:
+    """A sentence on every two videos that use the same frames of one file's content."""
+    groups: dict[str, list[Declaration]] = defaultdict(list)
+    for video in action.videos:
+        if video.video is not None and (action.folder / video.video).is_file():
+            groups[content_digest(action.folder / video.video)].append(video)
+    return [
+        f"{b.id} is the same file as {a.id}: it adds no view; remove one of them from {action.file}"
+        for group in groups.values()
+        for a, b in combinations(group, 2)
+        if _overlap(a.frames, b.frames)
+    ]
+
+
+def repeated_paths(files: Sequence[Path]) -> list[str]:
+    """A sentence on every two files of the same content."""
+    digests = [content_digest(file) for file in files]
+    return [
+        f"{b} is the same file as {a}: it adds no view"
+        for (a, first), (b, second) in combinations(zip(files, digests, strict=True), 2)
+        if first == second
+    ]
+
+
+def _overlap(a: tuple[int, int] | None, b: tuple[int, int] | None) -> bool:
+    """Whether two spans [first, one past last] of frames, None for all, have a frame in common."""
+    return a is None or b is None or (a[0] < b[1] and b[0] < a[1])

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from imocap_core.artifacts.file_memory import files_below
-from imocap_core.pipeline.content import content_digest
-from imocap_core.pipeline.demo_drafts import sweep_drafts
-from imocap_core.pipeline.source import closure
-from imocap_core.whole_files import write_whole
+from imocap_core.files import sweep_drafts, write_whole
+from imocap_core.pipeline.source import closure, content_digest
 
 if TYPE_CHECKING:
     from imocap_core.pipeline.runner import Display

@@ -1,10 +1,19 @@
-"""pipeline.yaml: the graph of the stages, and the values that differ from the defaults; validated.
+"""pipeline.yaml: the graph of the stages, the values that differ from the defaults, its scripts.
+
+pipeline.yaml: the graph of the stages, and the values that differ from the defaults; validated.
 
 The defaults, types and bounds of all parameters are those of `imocap_core.params`.
+
+Stages whose scripts lie in a working folder are run only where their user has allowed it.
+
+A pipeline.yaml names scripts, and a working folder may come from somebody else. Scripts of this
+program always run; those of a folder when IMOCAP_ALLOW_SCRIPTS lists that folder (`--allow-scripts`
+adds the working folder for one command).
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache
@@ -16,7 +25,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import Params
 from imocap_core.pipeline.action import explain_faults, parse
-from imocap_core.pipeline.source import PROJECT
+from imocap_core.pipeline.source import PROJECT, module_name
 from imocap_core.pipeline.stage import Read
 from imocap_core.pipeline.yaml_file import load_yaml
 
@@ -205,3 +214,41 @@ def _parse_sets(sets: list[str]) -> dict[str, Any]:
 
 def _listed(names: Sequence[str]) -> str:
     return f" ({', '.join(names)})" if names else ""
+
+
+VARIABLE = "IMOCAP_ALLOW_SCRIPTS"
+
+
+def foreign_scripts(pipeline: Pipeline) -> list[Path]:
+    """Scripts of a pipeline that are no part of this program and that nobody has allowed."""
+    if _folder(pipeline) in _allowed():
+        return []
+    scripts = (pipeline.script(stage) for stage in pipeline.stages)
+    return [script for script in scripts if not module_name(script)]
+
+
+def allow_scripts(folder: Path) -> None:
+    """Allow the scripts of a working folder, in this process and those that it starts."""
+    given = os.environ.get(VARIABLE)
+    places = [given] if given else []
+    os.environ[VARIABLE] = os.pathsep.join([*places, str(folder.resolve())])
+
+
+def must_be_allowed(pipeline: Pipeline, stage: str) -> None:
+    """WorkFailed when a stage's script is foreign; nothing of it has been run then."""
+    script = pipeline.script(stage)
+    if script in foreign_scripts(pipeline):
+        raise WorkFailed(
+            f"{pipeline.file}: stages.{stage}.script: {script} is no part of imocap, and would run "
+            f"with your rights. Read it; if you trust it, add --allow-scripts, or set "
+            f"{VARIABLE}={_folder(pipeline)}"
+        )
+
+
+def _folder(pipeline: Pipeline) -> Path:
+    return pipeline.file.parent.resolve()
+
+
+def _allowed() -> set[Path]:
+    places = os.environ.get(VARIABLE, "").split(os.pathsep)
+    return {Path(place).resolve() for place in places if place}

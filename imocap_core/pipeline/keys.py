@@ -15,13 +15,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from imocap_core.pipeline.action import DETECT, Action
-from imocap_core.pipeline.content import content_digest
+from imocap_core.pipeline.action import DETECT, Action, placed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
-from imocap_core.pipeline.places import placed
-from imocap_core.pipeline.recipe import Recipe, canonical
-from imocap_core.pipeline.source import closure
-from imocap_core.pipeline.stage import Read
+from imocap_core.pipeline.source import closure, content_digest
+from imocap_core.pipeline.stage import Read, Recipe, canonical
 
 OPTIONAL = {"imocap_core.io.colmap": "pycolmap"}  # module -> library that it can do without
 FIELDS = {"detections": "keypoints", "videos": "video", "sound": "video", "initial": "initial"}

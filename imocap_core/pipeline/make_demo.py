@@ -22,19 +22,18 @@ import yaml
 from jaxtyping import Float, UInt8
 
 from imocap_core.body import Shaped, load_free_body
-from imocap_core.body.conversions import pose_from_rotations
+from imocap_core.body.model import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
-from imocap_core.executors.perform import perform
 from imocap_core.executors.processes import worker_processes
-from imocap_core.executors.task import Report, Task
+from imocap_core.executors.tasks import Report, Task, perform
+from imocap_core.files import draft_prefix
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import read_rgb, write_h264
-from imocap_core.pipeline.demo_drafts import draft_prefix
 from imocap_core.synthetic import taichi, yoga
+from imocap_core.synthetic.choreography import PHASE_PER_S
 from imocap_core.synthetic.detector import Detections
-from imocap_core.synthetic.taichi_clip import TAICHI_SPANS, make_taichi_clip, taichi_body
-from imocap_core.synthetic.variation import PHASE_PER_S
+from imocap_core.synthetic.taichi import TAICHI_SPANS, make_taichi_clip, taichi_body
 from imocap_core.synthetic.yoga_clip import (
     LAYOUT,
     YOGA_SPANS,

@@ -9,30 +9,34 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
-from imocap_core.artifacts.cache import sweep
 from imocap_core.artifacts.file_memory import save_memory
-from imocap_core.artifacts.store import Store, Stored
+from imocap_core.artifacts.store import Store, Stored, sweep
 from imocap_core.errors import (
     ArtifactCorrupt,
     WorkFailed,
 )
-from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline.action import Action
-from imocap_core.pipeline.allowed_scripts import must_be_allowed
-from imocap_core.pipeline.device import CPU
-from imocap_core.pipeline.graph import Pipeline, RunSettings
+from imocap_core.pipeline.graph import Pipeline, RunSettings, must_be_allowed
 from imocap_core.pipeline.keys import differences, read_files, recipe
-from imocap_core.pipeline.parts import Parts
-from imocap_core.pipeline.recipe import Recipe
-from imocap_core.pipeline.stage import Context, Inputs, Progress
-from imocap_core.pipeline.stage_call import (
+from imocap_core.pipeline.source import unchanged
+from imocap_core.pipeline.stage import (
+    Context,
     DeclaredParams,
+    Inputs,
+    Parts,
+    Progress,
+    Recipe,
     in_a_sentence,
     load_script,
     returned_artifact,
 )
-from imocap_core.pipeline.unchanged import unchanged
-from imocap_core.process import configure_process, release_freed_memory
+from imocap_core.process import (
+    CPU,
+    configure_process,
+    peak_bytes,
+    release_freed_memory,
+    restart_peak,
+)
 
 if TYPE_CHECKING:
     pass

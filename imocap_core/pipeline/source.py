@@ -1,4 +1,16 @@
-"""The code a stage's result depends on, found without importing anything.
+"""What a result depends on: its code, found without importing anything, and the content of files.
+
+Digests of files and folders by what they hold.
+
+What a stage reads must stay as it is while the stage runs, or its result is of something else.
+
+Digests before and after are not enough: a file that was changed and changed back has the same one,
+but the stage may have read what was there in between. The time of a file's last change of status
+cannot be set back.
+
+One Python file as what counts of it: its code, its imports, what it re-exports.
+
+The code a stage's result depends on, found without importing anything.
 
 From the stage's script, imports are followed through this project. A file counts by its syntax
 tree without docstrings, so comments, layout and documentation don't make results stale; data files
@@ -10,19 +22,183 @@ The rooms in CARRIERS are left out: they carry values and compute none.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TypedDict
 
-from imocap_core.artifacts.file_memory import remembered
-from imocap_core.pipeline.content import content_digest
+from imocap_core.artifacts.file_memory import files_below, remembered
+from imocap_core.errors import WorkFailed
 
-if TYPE_CHECKING:
-    from imocap_core.pipeline.source_tree import ParsedSource
+
+def content_digest(path: Path) -> str:
+    """SHA-256 of a file's bytes, or of a folder's files and their names in it.
+
+    Computed again only where something has changed. WorkFailed when it can't be read.
+    """
+    if path.exists() and not path.is_dir() and not path.is_file():
+        raise WorkFailed(f"{path}: expected a file or a folder, got something else (a pipe?)")
+    try:
+        return remembered("content", path, _digest)
+    except OSError as error:
+        raise WorkFailed(f"cannot read {error.filename or path}: {error.strerror}") from None
+
+
+def _digest(path: Path) -> str:
+    if not path.is_dir():
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    sha = hashlib.sha256()
+    for relative in files_below(path):
+        sha.update(relative.encode() + b"\0")
+        sha.update(bytes.fromhex(_digest(path / relative)))
+    return sha.hexdigest()
+
+
+States = list[tuple[str, int, int, int, int]]
+
+
+@contextmanager
+def unchanged(reads: Mapping[str, Path]) -> Iterator[None]:
+    """WorkFailed when one of these files or folders was touched while the body ran.
+
+    reads: by what they are read as.
+    """
+    before = {name: _states(path) for name, path in reads.items()}
+    yield
+    for name, path in reads.items():
+        if _states(path) != before[name]:
+            raise WorkFailed(
+                f"{path} ({name}) was changed while it was read; the result is not stored. Run "
+                f"again when nothing writes there"
+            )
+
+
+def _states(path: Path) -> States:
+    """Every file's name, size, inode, and times of last change; empty where there is nothing."""
+    if not path.exists():
+        return []
+    names = files_below(path) if path.is_dir() else [""]
+    return [_state(name, os.stat(path / name if name else path)) for name in names]
+
+
+def _state(name: str, now: os.stat_result) -> tuple[str, int, int, int, int]:
+    return name, now.st_size, now.st_ino, now.st_mtime_ns, now.st_ctime_ns
+
+
+WITH_DOCSTRING = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+class ParsedSource(TypedDict):
+    """A file's syntax tree in short, as JSON can hold it.
+
+    digest: of the tree without docstrings. imports: [module, None] of `import module`, [module,
+    name] of `from module import name`, wherever they stand in the file. exports: of an __init__
+    that only re-exports, name -> [module, name there]; else None.
+    """
+
+    digest: str
+    imports: list[tuple[str, str | None]]
+    exports: dict[str, tuple[str, str]] | None
+
+
+def parse_source(file: Path, module: str, packages: Sequence[str]) -> ParsedSource:
+    """Parse a file; of its imports those of `packages` are kept. SyntaxError, OSError.
+
+    module: its dotted name, to which relative imports are relative.
+    """
+    tree = ast.parse(file.read_bytes(), filename=str(file))
+    is_package = file.name == "__init__.py"
+    code, imported = _written(tree)
+    imports: list[tuple[str, str | None]] = []
+    for node in imported:
+        if isinstance(node, ast.Import):
+            imports += [(alias.name, None) for alias in node.names]
+        else:
+            base = _absolute(node, module, is_package)
+            imports += [(base, alias.name) for alias in node.names]
+    return {
+        "digest": hashlib.sha256(code.encode()).hexdigest(),
+        "imports": [one for one in imports if one[0].split(".")[0] in packages],
+        "exports": _exports(tree, module) if is_package else None,
+    }
+
+
+def _written(tree: ast.Module) -> tuple[str, list[ast.Import | ast.ImportFrom]]:
+    """The tree without docstrings and line numbers, as text, and its imports.
+
+    One walk: `ast.walk` and `ast.dump` take twice the time, for which a first run would wait.
+    """
+    out: list[str] = []
+    imports: list[ast.Import | ast.ImportFrom] = []
+
+    def write(value: object) -> None:
+        if isinstance(value, ast.AST):
+            kind = type(value)
+            if kind is ast.Import or kind is ast.ImportFrom:
+                imports.append(value)  # type: ignore[arg-type]  # of these kinds
+            elif kind in WITH_DOCSTRING:
+                value.body = _without_docstring(value.body)  # type: ignore[attr-defined]
+            out.append(kind.__name__)
+            for name in kind._fields:
+                if name != "ctx":  # whether it is read or set: its place in the tree says that
+                    out.append("(")
+                    write(getattr(value, name))
+            out.append(")")
+        elif isinstance(value, list):
+            out.append("[")
+            for one in value:
+                write(one)
+            out.append("]")
+        else:
+            out.append(repr(value))
+
+    write(tree)
+    return "\0".join(out), imports
+
+
+def _exports(tree: ast.Module, module: str) -> dict[str, tuple[str, str]] | None:
+    names: dict[str, tuple[str, str]] = {}
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom):
+            base = _absolute(node, module, is_package=True)
+            names.update({a.asname or a.name: (base, a.name) for a in node.names})
+        elif not _is_all(node):
+            return None
+    return names
+
+
+def _absolute(node: ast.ImportFrom, module: str, is_package: bool) -> str:
+    """The module that `from ... import` names, relative dots resolved."""
+    if node.level == 0:
+        return node.module or ""
+    parts = module.split(".")
+    package = parts if is_package else parts[:-1]
+    package = package[: len(package) - node.level + 1]
+    return ".".join([*package, *([node.module] if node.module else [])])
+
+
+def _is_all(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Assign) and [
+        t.id for t in node.targets if isinstance(t, ast.Name)
+    ] == ["__all__"]
+
+
+def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
+    first = body[0] if body else None
+    if (
+        isinstance(first, ast.Expr)
+        and isinstance(first.value, ast.Constant)
+        and isinstance(first.value.value, str)
+    ):
+        return body[1:]
+    return body
+
 
 PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = ("imocap_core", "stages", "benchmarks")
@@ -48,7 +224,6 @@ class SourceFile:
         """Its code, imports and re-exports; parsed again only where the file has changed."""
 
         def parse(file: Path) -> ParsedSource:
-            from imocap_core.pipeline.source_tree import parse_source
 
             return parse_source(file, self.module, PACKAGES)
 

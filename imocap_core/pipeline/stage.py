@@ -1,5 +1,13 @@
 """The contract of a stage: read -> call the core -> write.
 
+A recipe: everything that determines a result, and the key that it is stored under.
+
+Parts of a stage's result that less than the whole determines, kept beside the results.
+
+A part is stored under a key of its own: the stage's code, parameters and seed, and what the part
+is made from. Whoever needs it again finds it: the same action after a video was added, or another
+action that has the video.
+
 A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else.
 A complete example, which a test runs:
 
@@ -46,33 +54,125 @@ What the runner promises:
   got, what to do. It ends the run with exit code 1 and no traceback.
 * The same seed and the same inputs must give the same artifact: `ctx.rng()` is the only source of
   chance; no clock, no absolute path, no global generator.
+
+Calling a stage's functions: its script, its declared parameters, its errors as sentences.
 """
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import importlib.util
+import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.action import DETECT, Action, Declaration
-from imocap_core.pipeline.content import content_digest
-from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
-from imocap_core.pipeline.places import placed
+from imocap_core.artifacts.store import Store, mark_used
+from imocap_core.errors import (
+    ArtifactCorrupt,
+    WorkFailed,
+    is_out_of_memory,
+    program_fault,
+    system_fault,
+)
+from imocap_core.pipeline.action import (
+    DETECT,
+    Action,
+    AnchorEntry,
+    Declaration,
+    ForbiddenEntry,
+    placed,
+)
+from imocap_core.pipeline.source import content_digest, module_name
 
 if TYPE_CHECKING:
     import numpy as np
 
     from imocap_core.artifacts.schemas.base import Artifact
     from imocap_core.artifacts.store import Stored
-    from imocap_core.pipeline.parts import Parts
+
+
+FORMAT = 1  # raise when the way artifacts are made or stored changes what they mean
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that determines a result; every leaf is a value or a digest."""
+
+    code: Mapping[str, str]  # module -> digest
+    params: Mapping[str, Mapping[str, Any]]
+    seed: int
+    inputs: Mapping[str, str]  # stage -> content digest
+    reads: Mapping[str, str]  # "videos v1" -> content digest
+    format: int = FORMAT
+
+    @property
+    def key(self) -> str:
+        """The stage key."""
+        return hashlib.sha256(canonical(asdict(self)).encode()).hexdigest()
+
+    def provenance(self) -> dict[str, str]:
+        """The recipe as text, to be stored with a result."""
+        return {name: canonical(value) for name, value in asdict(self).items()}
+
+
+def canonical(value: Any) -> str:
+    """Equal values as equal text (JSON)."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+Kind = TypeVar("Kind", bound="Artifact")
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The stored parts of one stage's results.
+
+    Attributes:
+        recipe: of the whole result; again: make every part, even one that is stored.
+    """
+
+    store: Store
+    action: str
+    stage: str
+    recipe: Recipe
+    again: bool = False
+
+    def get(
+        self,
+        name: str,
+        made_from: Mapping[str, Artifact | str],
+        kind: type[Kind],
+        make: Callable[[], Kind],
+    ) -> Kind:
+        """The part of this name that is made from nothing but ``made_from``: stored, or made now.
+
+        made_from: artifacts, and digests or values as text.
+        """
+        from imocap_core.artifacts import codec
+
+        digests = {
+            title: value if isinstance(value, str) else codec.pack(value).digest
+            for title, value in made_from.items()
+        }
+        recipe = replace(self.recipe, inputs=digests, reads={})
+        folder = f"{self.stage}_{name}"
+        stored = None if self.again else self.store.find(self.action, folder, recipe.key)
+        made = stored is None
+        if stored is None:
+            stored = self.store.put(folder, recipe.key, make(), recipe.provenance(), {})
+        stored = self.store.share(folder, stored, made=made)
+        mark_used(self.store.folder, self.action, folder, stored.key)
+        return stored.decode(kind)
+
 
 Read = Literal[
     "declarations", "detections", "videos", "sound", "initial", "hints", "event", "truth"
 ]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
-Kind = TypeVar("Kind", bound="Artifact")
 
 
 @dataclass(frozen=True)
@@ -218,3 +318,57 @@ def _older_pipeline(stage: str, field: str, wanted: str, got: Iterable[str]) -> 
         f"reads it, got {', '.join(got) or 'none'}; a pipeline.yaml of an older version is "
         "replaced by this version's, or removed"
     )
+
+
+Made = TypeVar("Made")
+
+
+def returned_artifact(result: object) -> Artifact:
+    """What a stage's `run` returned. AssertionError where that is no artifact."""
+    from imocap_core.artifacts.schemas.base import Artifact
+
+    assert isinstance(result, Artifact), f"returned a {type(result).__name__}"
+    return result
+
+
+def in_a_sentence(stage: str, call: Callable[[], Made]) -> Made:
+    """Call a stage's function; every error in it becomes WorkFailed with one sentence."""
+    try:
+        return call()
+    except (ValueError, ArtifactCorrupt, WorkFailed) as error:
+        raise WorkFailed(f"{stage}: {error}") from error
+    except OSError as error:
+        raise WorkFailed(f"{stage}: {system_fault(error)}") from error
+    except Exception as error:
+        if is_out_of_memory(error):
+            fault = system_fault(MemoryError())
+            raise WorkFailed(f"{stage}: {fault}") from MemoryError(str(error))
+        raise WorkFailed(f"{stage} broke: {program_fault(error)}") from error
+
+
+def load_script(script: Path) -> ModuleType:
+    """A stage's script, imported only when the stage runs."""
+    module = module_name(script)
+    if module:
+        return importlib.import_module(module)
+    spec = importlib.util.spec_from_file_location(f"imocap_stage_{script.stem}", script)
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+class DeclaredParams:
+    """The groups of parameters that a stage declares; AttributeError for any other."""
+
+    def __init__(self, stage: str, groups: Mapping[str, Any]) -> None:
+        self._stage, self._groups = stage, groups
+
+    def __getattr__(self, group: str) -> Any:
+        if group.startswith("_") or group not in self._groups:
+            raise AttributeError(
+                f"stage {self._stage} wants params.{group}, which pipeline.yaml does not list "
+                f"for it"
+            )
+        return self._groups[group]

@@ -1,13 +1,25 @@
-"""YAML files of people: plain values, read within limits.
+"""YAML files of people: read within limits, edited so that the rest stays as it is.
+
+YAML files of people: plain values, read within limits.
 
 Aliases are followed, but what they stand for is counted each time: a few lines can describe a tree
 of billions of values, which no later step could walk.
+
+A YAML text edited so that comments, unknown fields and untouched lines stay as they are.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from difflib import SequenceMatcher
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.util import load_yaml_guess_indent
 
 from imocap_core.errors import WorkFailed
 from imocap_core.limits import MAX_YAML_BYTES, MAX_YAML_NODES, must_be_small_enough
@@ -72,3 +84,102 @@ def _parts(node: Node) -> list[Node]:
     if not isinstance(node.value, list):
         return []
     return [p for item in node.value for p in (item if isinstance(item, tuple) else (item,))]
+
+
+Change = Callable[[Any], None]
+WHOLE_LINES = 2**20  # characters of a line before it would be broken
+
+
+def edited_text(text: str, change: Change) -> str:
+    """The text after a change of its content.
+
+    `change` alters plain values in place. Reading the result gives what the change makes of the
+    content; WorkFailed where that cannot be written, as with aliases. ValueError, RecursionError or
+    yaml.YAMLError when `text` is no YAML; errors of `change` pass.
+    """
+    content = deepcopy(load_yaml_text(text))
+    change(content)
+    lines_end = "\r\n" if "\r\n" in text else "\n"
+    plain = text.replace("\r\n", "\n")
+    try:
+        yaml, document = _round_trip(plain)
+        before = _dump(yaml, document)
+        change(document)
+        after = _dump(yaml, document)
+    except YAMLError as error:
+        raise WorkFailed(_refusal(str(error))) from None
+    for candidate in (_merged(plain, before, after), after):
+        if candidate is not None and load_yaml_text(candidate) == content:
+            return candidate.replace("\n", lines_end)
+    raise WorkFailed(_refusal("an alias or an unusual form of YAML is in the way"))
+
+
+def _refusal(reason: str) -> str:
+    return f"action.yaml cannot be changed from here ({' '.join(reason.split())[:200]}); edit it"
+
+
+def _round_trip(text: str) -> tuple[YAML, Any]:
+    """A reader and writer with the indents of a text, and its document."""
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = WHOLE_LINES
+    _, sequence, offset = load_yaml_guess_indent(text)
+    if sequence is not None:
+        yaml.indent(mapping=2, sequence=max(sequence, (offset or 0) + 2), offset=offset or 0)
+    yaml.representer.add_representer(
+        type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
+    )
+    return yaml, yaml.load(text)
+
+
+def _dump(yaml: YAML, document: Any) -> str:
+    stream = StringIO()
+    yaml.dump(document, stream)
+    return stream.getvalue()
+
+
+def _merged(original: str, before: str, after: str) -> str | None:
+    """The original with the lines that differ between two dumps of it, before and after a change.
+
+    None where the dump has other lines than the original. A comment belongs to what follows it: new
+    lines come above the comments before their place, removed ones leave those behind them, and the
+    comments on an item of a list go with it.
+    """
+    lines, a, b = (text.splitlines(keepends=True) for text in (original, before, after))
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    if len(lines) != len(a):
+        return None
+    merged: list[str] = []
+    for tag, i, j, k, m in SequenceMatcher(None, a, b, autojunk=False).get_opcodes():
+        if tag == "equal":
+            merged += lines[i:j]
+        elif tag == "insert":
+            place = len(merged) - _trailing_comments(merged)
+            merged[place:place] = b[k:m]
+        else:
+            removed = lines[i:j]
+            if tag == "delete" and removed[0].lstrip().startswith("- "):
+                del merged[len(merged) - _comments_above(merged, removed[0]) :]
+            behind = 0 if _trailing_comments(b[k:m]) else _trailing_comments(removed)
+            merged += b[k:m] + removed[len(removed) - behind :]
+    return "".join(merged)
+
+
+def _trailing_comments(lines: Sequence[str]) -> int:
+    """Number of lines at the end that are comments or blank."""
+    count = 0
+    for line in reversed(lines):
+        if line.strip() and not line.lstrip().startswith("#"):
+            break
+        count += 1
+    return count
+
+
+def _comments_above(lines: Sequence[str], item: str) -> int:
+    """Number of comments at the end that are directly above an item and as far to the right."""
+    indent = item[: len(item) - len(item.lstrip())]
+    count = 0
+    while count < len(lines) and lines[-1 - count].startswith(f"{indent}#"):
+        count += 1
+    return count

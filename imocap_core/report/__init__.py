@@ -2,18 +2,18 @@
 
 The stage evaluate writes tables and figures into the folder `report/`:
 
-    evaluation_tables     all its tables, of
-      tables              scores, rounds, videos
-      hand_tables, trust_tables, event_table, uncertainty_tables, observability_text
-    evaluation_figures    its plots and contact sheets
-    files                 tables as files (by table_text), and contents.json
-
-At the end of a run:
-
-    action_report         whether the page shows these results already; if not:
-    write_page            stored results to the page
-    page_figures          its further figures
-    sections              which table and figure belongs to which section
-    page                  the page as HTML and Markdown, with metric_glossary, column_titles,
-                          table_markup and page_style
+Reading order:
+    action_report       the report of a run: its page is written when the run's results differ from
+                        those it shows
+    table_files         the report's files for programs, tables as CSV and JSON, and their columns
+                        in words
+    page                the report's page: HTML with embedded pictures, and Markdown that links them
+    sections            order of the report: its sections, with their pictures, tables and
+                        introductions
+    write_page          stored results to the page and its figures; imported only when a page is
+                        written
+    tables              scores and artifacts to the report's tables
+    uncertainty_tables  how far results can be trusted: standard deviations, observability,
+                        synchronisation
+    evaluation          all tables and figures of the stage evaluate, in the order of the report
 """

@@ -9,17 +9,15 @@ from pathlib import Path, PurePath
 
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Stored
+from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, system_fault
-from imocap_core.made_files import is_as_made
+from imocap_core.files import is_as_made, is_whole_page
 from imocap_core.pipeline.action import Action
+from imocap_core.pipeline.generation import record, seconds_of
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
-from imocap_core.pipeline.timings import record, seconds_of
-from imocap_core.report.page_files import PAGE, TEXT
-from imocap_core.verdict.findings import Verdict
-from imocap_core.verdict.verdict_file import FILE, read_verdict
-from imocap_core.whole_files import is_whole_page
+from imocap_core.report.table_files import PAGE, TEXT
 
 MADE_BY = ("report/page_figures.py", "report/page.py", "verdict/action_verdict.py")
 BESIDE = ("viewer.html", "compare/report.html", "compare/report.md", "observability.md")

@@ -1,4 +1,15 @@
-"""Scores and artifacts to the report's tables."""
+"""Scores and artifacts to the report's tables.
+
+Tables of the errors of each joint: positions and rotations.
+
+The report's table of hands.
+
+Cameras calibrated from one event, in the report.
+
+The ground in the report: how sure up is, how cameras are held, soles below the ground.
+
+What the second look at the pictures was asked, and what it changed.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +17,24 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from imocap_core.adapters.ground import ground_of, held_deg
 from imocap_core.artifacts.schemas import (
     CameraMotion,
+    GroundPlane,
+    InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     Table,
 )
-from imocap_core.artifacts.schemas.evaluate import Cell
-from imocap_core.evaluate.camera_scores import CAMERA_METRICS
-from imocap_core.metrics.body_scoring import BODY_METRICS
-from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, ScoreRow
-from imocap_core.verdict.detections import remarks
+from imocap_core.artifacts.schemas.motion_schemas import Cell
+from imocap_core.camera.gravity import BodyMotion, Extrinsics, sole_depths_mm, to_world
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.diagnostics.detection_findings import remarks
+from imocap_core.evaluate.action_scores import METRICS, ActionScores
+from imocap_core.evaluate.scoreboard import CAMERA_METRICS
+from imocap_core.evaluate.whole_body_scores import JointErrors
+from imocap_core.metrics.scoring import ALL_VIDEOS, BODY_METRICS, SYNC_METRICS, ScoreRow
 
 SUMMARY = (
     "mpjpe_mm",
@@ -180,3 +198,141 @@ def wide_table(
         if any(cells[key].get(m) is not None for m in shown)
     ]
     return Table(name=name, title=title, columns=[*first, *shown], rows=table)
+
+
+def joint_tables(scores: ActionScores) -> list[Table]:
+    """One row a joint, one column a result; tables without values are omitted."""
+    tables = [
+        _joint_table(
+            "joints",
+            "Error of each joint after alignment on the twelve joints (joint_error_aligned_12_mm)",
+            scores.joint_errors_mm,
+            "mm",
+        ),
+        _joint_table(
+            "joint_rotations",
+            "Error of the rotation of each joint relative to its parent",
+            scores.joint_errors_deg,
+            "deg",
+        ),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def _joint_table(name: str, title: str, errors: Mapping[str, JointErrors], unit: str) -> Table:
+    joints = [joint for joint in SMPL_JOINTS if any(joint in of for of in errors.values())]
+    return Table(
+        name=name,
+        title=title,
+        columns=["joint", *(f"{result.replace(' ', '_')}_{unit}" for result in errors)],
+        rows=[[joint, *(of.get(joint) for of in errors.values())] for joint in joints],
+    )
+
+
+def hand_tables(rows: Sequence[ScoreRow]) -> list[Table]:
+    """One table, or none without hands."""
+    of_hands = [row for row in rows if row.metric in METRICS]
+    return [wide_table("hands", "Hands, by video", of_hands, METRICS)] if of_hands else []
+
+
+def event_tables(refined: RefineSync) -> list[Table]:
+    """One table, or none where the videos do not show one event."""
+    if refined.event is None:
+        return []
+    focal_px = {camera.id: float(camera.K[0, 0]) for camera in refined.motion.cameras}
+    return [
+        Table(
+            name="event",
+            title="Cameras calibrated from the event",
+            columns=["video", "solved_focal_px", "focal_sd_pct", "distortion", "rotation_sd_deg",
+                     "offset_frames", "offset_sd_ms", "rate", "median_px"],
+            rows=[
+                [
+                    camera.id,
+                    focal_px[camera.id],
+                    100 * camera.focal_sd,
+                    camera.distortion,
+                    camera.rotation_sd_deg,
+                    camera.offset_frames,
+                    1000 * camera.offset_sd_s,
+                    camera.rate,
+                    camera.median_px,
+                ]
+                for camera in refined.event.cameras
+            ],
+            note="Rotations are about the reference camera's. The offset is this video's frame, "
+            "among its used ones, at the reference's first; the rate its frames a frame of the "
+            "reference; the error the median reprojection error of the keypoints, without the "
+            "detector's constant errors.",
+        )
+    ]  # fmt: skip
+
+
+DEEP = 0.95  # quantile of the frames
+
+
+def ground_tables(
+    initial: InitialSmpl, camera_motion: CameraMotion, refined: RefineSync
+) -> list[Table]:
+    """One table, or none where the result has no ground."""
+    motion = refined.motion
+    if motion.ground is None:
+        return []
+    ground = ground_of(motion.ground)
+    alone: list[GroundPlane | None] = [*initial.grounds] or [None] * len(motion.videos)
+    every = zip(motion.videos, motion.cameras, camera_motion.videos, alone, strict=True)
+    rows: list[list[Cell]] = []
+    for video, camera, turned, plane in every:
+        roll, down = held_deg(ground.up, camera, turned)
+        body = to_world(
+            BodyMotion(video.theta, video.trans, video.joints), Extrinsics(camera.R, camera.t)
+        )
+        cosine = np.nan if plane is None else float(np.clip(plane.up @ camera.R @ ground.up, -1, 1))
+        rows.append(
+            [
+                video.id,
+                down,
+                roll,
+                float(ground.height_m(-camera.R.T @ camera.t)),
+                float(np.quantile(sole_depths_mm(body.joints, ground), DEEP)),
+                None if plane is None else float(np.degrees(np.arccos(cosine))),
+                None if plane is None else plane.tilt_sd_deg,
+            ]
+        )
+    return [
+        Table(
+            name="ground",
+            title="The ground and the cameras above it",
+            columns=["video", "pitch_down_deg", "roll_deg", "camera_height_m", "sole_depth_mm",
+                     "up_alone_deg", "up_alone_sd_deg"],
+            rows=rows,
+            note=f"Up has a standard deviation of {ground.tilt_sd_deg:.1f} degrees, the ground's "
+            f"height one of {ground.height_sd_mm:.0f} mm.",
+        )
+    ]  # fmt: skip
+
+
+def second_look_tables(again: Redetect) -> list[Table]:
+    """One table, or none where no picture was looked at again."""
+    rows: list[list[Cell]] = [
+        [
+            video.id,
+            len(video.looked_at),
+            video.contradicted,
+            int((video.confidence > 0).sum()),
+        ]
+        for video in again.videos
+    ]
+    if not rows:
+        return []
+    return [
+        Table(
+            name="second_look",
+            title="Pictures that were looked at again",
+            columns=["video", "pictures_again", "contradicted", "moved_joints"],
+            rows=rows,
+            note="Limb joints that the detector doubted and the other videos have elsewhere. One "
+            "moves where the picture shows a joint near the expected place; the others stay, as "
+            "performances may differ.",
+        )
+    ]

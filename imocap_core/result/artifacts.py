@@ -1,11 +1,16 @@
-"""The artifacts of one action, read and decoded when they are first asked for."""
+"""The artifacts of one action, read when first asked for, and the run that they are of.
+
+The artifacts of one action, read and decoded when they are first asked for.
+
+Which run a result is of: the seed, the parameters, and the digest of every stage's result.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -121,3 +126,21 @@ def artifacts_of_stages(
 def _inputs(stored: Stored) -> dict[str, str]:
     """Stage -> content digest of what a result was made from; empty where it does not say."""
     return json.loads(stored.content.provenance.get("inputs", "{}"))
+
+
+RECIPE = ("seed", "params")
+
+
+def run_record(artifacts: Artifacts) -> dict[str, Any]:
+    """As plain data: `seed`, `params` (group -> name -> value) and `stages` (stage -> key of its
+    recipe and digest of its content), of the stages whose results were stored by a run."""
+    record: dict[str, Any] = {"seed": None, "params": {}, "stages": {}}
+    for stage in STAGE_OF.values():
+        stored = artifacts.stored(stage) if stage != "evaluate" else None
+        if stored is None:
+            continue
+        record["stages"][stage] = {"key": stored.key, "digest": stored.digest}
+        seed, params = (json.loads(stored.content.provenance.get(name, "null")) for name in RECIPE)
+        record["seed"] = seed if record["seed"] is None else record["seed"]
+        record["params"] |= params or {}
+    return record

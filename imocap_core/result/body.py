@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, Int
 
 from imocap_core.body import Model, load_free_body
-from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.body.model import rotations_from_pose
 from imocap_core.errors import WorkFailed
 
 CHUNK = 32  # bodies posed at once

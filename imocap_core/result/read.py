@@ -10,6 +10,8 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from imocap_core.adapters.ground import ground_of
+from imocap_core.adapters.lenses import lenses_of
 from imocap_core.artifacts.schemas import (
     Camera,
     CameraMotion,
@@ -27,17 +29,20 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
     VideoUncertainty,
 )
-from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
+from imocap_core.camera.gravity import BodyMotion, Extrinsics, to_world
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import read_action
-from imocap_core.problem.ground import ground_of
-from imocap_core.problem.lenses import lenses_of
 from imocap_core.result.artifacts import Artifacts
-from imocap_core.result.camera import VideoCamera
-from imocap_core.result.ground import ground_under, with_points, without_points
 from imocap_core.result.result import ActionResult
-from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
-from imocap_core.result.video import HandMotion, JointUncertainty, VideoResult
+from imocap_core.result.video import (
+    HandMotion,
+    JointUncertainty,
+    Synchronisation,
+    VideoCamera,
+    VideoResult,
+    synchronisation_of,
+)
+from imocap_core.result.video_motion import ground_under, with_points, without_points
 
 Stage = Literal["refine_sync", "smpl_ba"]
 NONE = np.zeros(0, dtype=np.int64)  # frames of a video that is missing

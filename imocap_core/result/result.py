@@ -13,9 +13,7 @@ from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.result.artifacts import Artifacts
-from imocap_core.result.camera import VideoCamera
-from imocap_core.result.synchronisation import Synchronisation
-from imocap_core.result.video import VideoMoment, VideoResult
+from imocap_core.result.video import Synchronisation, VideoCamera, VideoMoment, VideoResult
 
 Time = Literal["own", "common"]
 Kind = TypeVar("Kind", bound="ActionResult")
@@ -98,8 +96,8 @@ class ActionResult:
         With y up the reference camera looks along -z; z up is that world turned by a quarter, so
         that (x, y, z) becomes (x, -z, y).
         """
-        from imocap_core.camera.ground import upright_alignment
-        from imocap_core.result.ground import moved
+        from imocap_core.camera.gravity import upright_alignment
+        from imocap_core.result.video_motion import moved
 
         if up not in ("y", "z"):
             raise WrongUse(f"up: expected y or z, got {up!r}")
@@ -115,7 +113,7 @@ class ActionResult:
         (`inside` is False there). Videos without a place on the axis are left out. WorkFailed when
         none has one.
         """
-        from imocap_core.result.common_time import on_common_time
+        from imocap_core.result.video_motion import on_common_time
 
         placed = tuple(v for v in self.videos if np.isfinite(v.phase_s).any())
         if not placed:
@@ -142,7 +140,7 @@ class ActionResult:
 
         WrongUse when `phase_s` is no finite number.
         """
-        from imocap_core.result.common_time import at_phase
+        from imocap_core.result.video_motion import at_phase
 
         if not np.isfinite(phase_s):
             raise WrongUse(f"phase_s: expected a finite number of seconds, got {phase_s}")
@@ -151,8 +149,7 @@ class ActionResult:
     def events(self) -> dict[str, list[MotionEvent]]:
         """Foot contacts, fastest moments of joints and turning points of joint angles, by video; in
         their order on its own timeline (`index` is a fractional position among its frames)."""
-        from imocap_core.result.events import video_events
-        from imocap_core.result.video_angles import video_angles
+        from imocap_core.result.video_motion import video_angles, video_events
 
         level = self if self.up_axis in ("y", "z") else self.levelled()
         up, tilt = level.up_axis, level.ground.tilt_sd_deg

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from imocap_core.adapters.redetection import with_redetected
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Keypoints,
@@ -9,10 +10,9 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     Uncertainty,
 )
-from imocap_core.problem.looked_again import with_redetected
+from imocap_core.diagnostics.action_verdict import verdict_of
+from imocap_core.diagnostics.findings import Verdict
 from imocap_core.result.artifacts import Artifacts
-from imocap_core.verdict.action_verdict import verdict_of
-from imocap_core.verdict.findings import Verdict
 
 
 def verdict_of_artifacts(artifacts: Artifacts) -> Verdict | None:

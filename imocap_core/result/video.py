@@ -1,22 +1,277 @@
 """What a run gave for one video: motion, camera, time and uncertainty as arrays.
 
+The camera of one video: where it stands, how it turns and zooms, and what it sees.
+
+Which frames of an action's videos show the same moment, as values.
+
 Indices: T used frames, J joints (24 of SMPL, or 52 of SMPL+H where the video has hands).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, Real, UInt8
 
-from imocap_core.artifacts.schemas import VideoKeypoints
+from imocap_core.artifacts.schemas import SyncSummary, VideoKeypoints
+from imocap_core.camera.projection import Lens, camera_from_world
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.result.camera import VideoCamera
-from imocap_core.result.synchronisation import FrameMatches, Synchronisation
+
+STILL = 1e-9  # a camera whose rotations differ by less is static
+
+
+@dataclass(frozen=True, eq=False)
+class VideoCamera:
+    """A camera, which may turn, zoom and move; OpenCV's axes (x right, y down, z forward),
+    pixels, metres.
+
+    Attributes:
+        id: the video.
+        size: width and height of the picture, pixels.
+        K: intrinsics (3, 3) of the first used frame, pixels.
+        R, t: camera from world in the first used frame: x_cam = R x_world + t, t in metres.
+        R_first_from_frame: (T, 3, 3) rotation from each frame's camera axes to the first frame's.
+        zoom: (T,) focal length of each frame over the first frame's.
+        H_first_from_frame: (T, 3, 3) homographies from each frame's pixels to the first frame's,
+            as they were measured on the background.
+        path_m: (T, 3) its places in the first frame's axes, metres; None on one spot, or where the
+            path is unknown.
+        lens: its distortion; None: a pinhole. A zoom moves pixels as the first frame's lens does.
+            K, R, t, H_first_from_frame and P_frame_from_first are of pictures without it.
+    """
+
+    id: str
+    size: tuple[int, int]
+    K: Float[np.ndarray, "3 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, " 3"]
+    R_first_from_frame: Float[np.ndarray, "T 3 3"]
+    zoom: Float[np.ndarray, " T"]
+    H_first_from_frame: Float[np.ndarray, "T 3 3"]
+    path_m: Float[np.ndarray, "T 3"] | None = None
+    lens: Lens | None = None
+
+    @property
+    def distortion(self) -> Float[np.ndarray, " 5"]:
+        """OpenCV's k1, k2, p1, p2, k3, relative to K; 0 for a pinhole."""
+        return self.distortion_at(self.K)
+
+    def distortion_at(self, K: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 5"]:
+        """The same lens, relative to the focal length of another zoom."""
+        return np.zeros(5) if self.lens is None else self.lens.relative_to(K).coefficients
+
+    @property
+    def is_static(self) -> bool:
+        """Whether the camera neither turns, zooms nor moves."""
+        if self.path_m is not None:
+            return False
+        turned = np.abs(self.R_first_from_frame - np.eye(3)).max() > STILL
+        return not turned and float(np.ptp(self.zoom)) <= STILL
+
+    @property
+    def centre(self) -> Float[np.ndarray, " 3"]:
+        """Position of the camera in the world in the first used frame, metres."""
+        return -self.R.T @ self.t
+
+    @property
+    def centre_per_frame(self) -> Float[np.ndarray, "T 3"]:
+        """Position of the camera in the world in every used frame, metres."""
+        moved = np.zeros((len(self.zoom), 3)) if self.path_m is None else self.path_m
+        return self.centre + moved @ self.R
+
+    @property
+    def t_per_frame(self) -> Float[np.ndarray, "T 3"]:
+        """Translation camera from world of every used frame, metres."""
+        return -np.einsum("tij,tj->ti", self.R_per_frame, self.centre_per_frame)
+
+    @property
+    def K_per_frame(self) -> Float[np.ndarray, "T 3 3"]:
+        """Intrinsics of every used frame, pixels."""
+        from imocap_core.camera.zooming import lens_of
+
+        return lens_of(self.K, self.zoom)
+
+    @property
+    def R_per_frame(self) -> Float[np.ndarray, "T 3 3"]:
+        """Rotation camera from world of every used frame."""
+        return self.R_first_from_frame.swapaxes(1, 2) @ self.R
+
+    @property
+    def P_frame_from_first(self) -> Float[np.ndarray, "T 3 3"]:
+        """From metres in the first frame's camera axes to homogeneous pixels of every frame:
+        H_first_from_frame^-1 K, scaled so that the third coordinate is the depth for a camera
+        that turns on the spot."""
+        H_frame_from_first = np.linalg.inv(self.H_first_from_frame)
+        scale = np.cbrt(np.linalg.det(H_frame_from_first))[:, None, None]
+        return np.asarray(H_frame_from_first / scale @ self.K)
+
+    def project(
+        self, points_m: Float[np.ndarray, "... 3"], index: Int[np.ndarray, " F"] | None = None
+    ) -> Float[np.ndarray, "F N 2"]:
+        """Pixels of world points in every used frame, or in the used frames `index`, as the lens
+        shows them.
+
+        Args:
+            points_m: (N, 3) metres, the same points for all frames, or (F, N, 3), those of each.
+            index: (F,) positions among the used frames; all T of them when left out.
+
+        NaN for points not in front of the camera.
+        """
+        P = self.P_frame_from_first if index is None else self.P_frame_from_first[index]
+        ahead = camera_from_world(points_m, self.R, self.t)
+        if self.path_m is not None:
+            path = self.path_m if index is None else self.path_m[index]
+            ahead = ahead - path[:, None]
+        homogeneous = np.broadcast_to(ahead, (len(P), *ahead.shape[-2:])) @ P.swapaxes(1, 2)
+        depth = np.where(homogeneous[..., 2:] > 0, homogeneous[..., 2:], np.nan)
+        straight = np.asarray(homogeneous[..., :2] / depth)
+        return straight if self.lens is None else self.lens.distorted(straight)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMatches:
+    """For every used frame of one video the frame of another that shows the same moment.
+
+    index (T,): fractional position among the other video's used frames. frame (T,): the same as a
+    fractional source frame number. confidence (T,): 0 to 1. NaN, NaN and 0 where none does.
+    """
+
+    index: Float[np.ndarray, " T"]
+    frame: Float[np.ndarray, " T"]
+    confidence: Float[np.ndarray, " T"]
+
+
+@dataclass(frozen=True, eq=False)
+class VideoSync:
+    """One video's place on the common time axis.
+
+    Attributes:
+        id: the video.
+        fps: its frames per second.
+        frames: (T,) source frame numbers of its used frames; fractional where the frame rate is
+            variable.
+        reference_frame: (T,) fractional position among the reference's used frames, NaN unmatched.
+        confidence: (T,) 0 to 1.
+        phase_s: (T,) place on the time axis of all videos, seconds of the reference; NaN unknown.
+    """
+
+    id: str
+    fps: float
+    frames: Real[np.ndarray, " T"]
+    reference_frame: Float[np.ndarray, " T"]
+    confidence: Float[np.ndarray, " T"]
+    phase_s: Float[np.ndarray, " T"]
+
+
+@dataclass(frozen=True, eq=False)
+class Synchronisation:
+    """The correspondences of all videos.
+
+    Attributes:
+        videos: by id, in the order of the action; also `sync[id]`.
+        reference: id of the video whose time axis is used.
+        excluded: videos of another action, unmatched throughout.
+        mirrored: videos treated as their mirror image.
+        status: one sentence on the result; notes: what was noticed about single videos.
+        method: by which the maps were made consistent.
+        summary: the stored artifact.
+    """
+
+    videos: Mapping[str, VideoSync]
+    summary: SyncSummary
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The videos."""
+        return tuple(self.videos)
+
+    @property
+    def reference(self) -> str:
+        """The video whose time axis is used."""
+        return self.summary.reference
+
+    @property
+    def excluded(self) -> tuple[str, ...]:
+        """Videos of another action, unmatched throughout."""
+        return tuple(self.summary.excluded)
+
+    @property
+    def mirrored(self) -> tuple[str, ...]:
+        """Videos treated as their mirror image."""
+        return tuple(self.summary.mirrored)
+
+    @property
+    def status(self) -> str:
+        """One sentence on the result."""
+        return self.summary.status
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about single videos."""
+        return tuple(self.summary.notes)
+
+    def __getitem__(self, video: str) -> VideoSync:
+        """One video; WrongUse when there is none of this id."""
+        if video not in self.videos:
+            raise WrongUse(f"no video {video!r}; there are: {', '.join(self.videos)}")
+        return self.videos[video]
+
+    def matches(self, video: str, other: str) -> FrameMatches:
+        """For every used frame of `video` the frame of `other` that shows the same moment.
+
+        Against the reference these are the correspondences of the artifact; between two other
+        videos the frames at equal phases, with the lower of both confidences.
+        """
+        one, two = self[video], self[other]
+        if other == self.reference:
+            index, confidence = one.reference_frame, one.confidence
+        else:
+            index = _index_at(two.phase_s, one.phase_s)
+            theirs = np.interp(index, np.arange(len(two.frames)), two.confidence)
+            confidence = np.minimum(one.confidence, theirs)
+        matched = np.isfinite(index)
+        frame = np.interp(index, np.arange(len(two.frames)), two.frames)
+        return FrameMatches(
+            index=index,
+            frame=np.where(matched, frame, np.nan),
+            confidence=np.where(matched, confidence, 0.0),
+        )
+
+
+def _index_at(
+    phase_s: Float[np.ndarray, " S"], at_s: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, " T"]:
+    """(T,) fractional frames of a video of phases (S,) that never fall; NaN outside of them."""
+    placed = np.flatnonzero(np.isfinite(phase_s))
+    if not len(placed):
+        return np.full(len(at_s), np.nan)
+    index = np.interp(at_s, phase_s[placed], placed, left=np.nan, right=np.nan)
+    return np.where(np.isfinite(at_s), index, np.nan)
+
+
+def synchronisation_of(
+    summary: SyncSummary, frames: Mapping[str, Real[np.ndarray, " _"]], fps: Mapping[str, float]
+) -> Synchronisation:
+    """From the artifact; frames: per video, the source frame numbers of its used frames."""
+    phases = {} if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos}
+    videos = {
+        m.id: VideoSync(
+            id=m.id,
+            fps=fps[m.id],
+            frames=frames[m.id],
+            reference_frame=m.reference_frame,
+            confidence=np.where(np.isfinite(m.reference_frame), np.nan_to_num(m.confidence), 0.0),
+            phase_s=phases.get(m.id, np.full(len(m.reference_frame), np.nan)),
+        )
+        for m in summary.maps
+    }
+    return Synchronisation(videos, summary)
+
 
 WRISTS = SMPL_JOINTS.index("left_wrist")  # the right one follows; then joints that hands replace
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.affinity import DistanceMatrix
 from imocap_core.sync.warp.soft_maps import observations_per_frame
 
 SOFT_NATS, HARD_NATS = 10.0, 60.0  # how much less likely than the anchor any far position is

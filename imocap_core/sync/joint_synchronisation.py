@@ -13,30 +13,46 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.affinities import AFFINITIES, Affinities, affinities, affinity_matrix
+from imocap_core.sync.affinity import (
+    AFFINITIES,
+    Affinities,
+    DistanceMatrix,
+    affinities,
+    affinity_matrix,
+    distance_matrix,
+)
 from imocap_core.sync.anchors import Hints, anchored_distances
-from imocap_core.sync.axis_refinement import AxisChoice, refined_over_axes
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.confidence import Route, calibrated_confidence
-from imocap_core.sync.cycle.methods import relax
-from imocap_core.sync.cycle.report import CycleReport
-from imocap_core.sync.map_consistency import (
+from imocap_core.sync.axes import AxisChoice, ReferenceAxis, refined_over_axes
+from imocap_core.sync.confidence import (
+    SLACK_S,
+    Repetition,
+    Route,
+    calibrated_confidence,
+    next_repetition,
+    repeats,
+)
+from imocap_core.sync.cycle import CycleReport, relax
+from imocap_core.sync.maps import BlockMaps
+from imocap_core.sync.reference import (
+    chosen_reference,
+    compared_pairs,
+    coverage,
+    hard_anchor_maps,
+    through_hard_anchors,
+)
+from imocap_core.sync.time_axis import (
     CycleResidual,
     PairMaps,
+    WeightedMap,
+    common_phase,
     cycle_residuals,
+    inside,
     left_out_disagreement,
+    pace_spread,
 )
-from imocap_core.sync.pace import pace_spread
-from imocap_core.sync.pair_comparison import compared_pairs
-from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
-from imocap_core.sync.phase import WeightedMap, common_phase, inside
-from imocap_core.sync.reference import chosen_reference, coverage
-from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
-from imocap_core.sync.refinement import ReferenceAxis
-from imocap_core.sync.repeated_motion import SLACK_S, Repetition, next_repetition, repeats
-from imocap_core.sync.warp.clocks import Clocks
-from imocap_core.sync.warp.dtw_paths import dtw_warps
-from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+from imocap_core.sync.warp.dtw import dtw_warps
+from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
+from imocap_core.sync.warp.soft_maps import Clocks
 
 WARPS = ("posterior", "dtw")
 # The refined map to the reference against one map between two videos, which carries the noise of

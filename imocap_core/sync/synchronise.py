@@ -15,18 +15,17 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.affinities import Affinities, strides
+from imocap_core.sync.affinity import Affinities, strides
 from imocap_core.sync.anchors import Hints, check_hints
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.distinct_videos import SyncEvidence, distinct_videos, of_all_frames
+from imocap_core.sync.comparable_poses import body_scales, check_poses, joint_weights_of
+from imocap_core.sync.freeze_frames import SyncEvidence, distinct_videos, of_all_frames
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
-from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
+from imocap_core.sync.maps import BlockMaps, Blocks
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening, screen
-from imocap_core.sync.warp.playback_rate import playback_rates
-from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+from imocap_core.sync.warp.rate import playback_rates
+from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
 
 Part = TypeVar("Part")
 

@@ -1,4 +1,4 @@
-"""Cameras that film a performance: static, or rotating about a fixed centre to follow it."""
+"""Cameras that film a performance: static, rotating about a fixed centre, or carried."""
 
 from __future__ import annotations
 

@@ -1,7 +1,13 @@
-"""A simulated 2D keypoint detector with the kinds of errors that real ones have.
+"""A simulated 2D keypoint detector and 3D estimator with the kinds of errors that real ones have.
+
+Detection errors particular to a kind of keypoint: its noise, outliers and systematic offset.
+
+A simulated 2D keypoint detector with the kinds of errors that real ones have.
 
 Errors scale with the person's size in the picture, a share of their variance is correlated over
 time, and the confidence depends only partly on the error.
+
+False detections of a second person, as real detectors have them for a few frames.
 """
 
 from __future__ import annotations
@@ -13,8 +19,48 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import lfilter
 
-from imocap_core.conventions import left_right_pairs
-from imocap_core.synthetic.keypoint_errors import KeypointErrors, error_factors, with_offsets
+from imocap_core.conventions import left_right_pairs, point_towards, sideless
+
+
+@dataclass(frozen=True)
+class KeypointErrors:
+    """Errors of a kind of keypoint ("wrist" of both sides), relative to the detector's.
+
+    noise, outliers: factors of the detector's noise and outlier_rate. towards, share: systematic
+    offset by this share of the way to that point (`conventions.point_towards`; "" for none).
+    """
+
+    noise: float = 1.0
+    outliers: float = 1.0
+    towards: str = ""
+    share: float = 0.0
+
+
+def offset_target(name: str, by_kind: Mapping[str, KeypointErrors]) -> tuple[str, float]:
+    """The point towards which a keypoint is offset, and the share of the way; ("", 0) for none."""
+    errors = by_kind.get(sideless(name), KeypointErrors())
+    return (point_towards(name, errors.towards), errors.share) if errors.towards else ("", 0.0)
+
+
+def error_factors(
+    names: Sequence[str], by_kind: Mapping[str, KeypointErrors]
+) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
+    """Factors of the noise and of the outlier rate of each keypoint."""
+    errors = [by_kind.get(sideless(name), KeypointErrors()) for name in names]
+    return np.array([e.noise for e in errors]), np.array([e.outliers for e in errors])
+
+
+def with_offsets(
+    xy: Float[np.ndarray, "T K D"], names: Sequence[str], by_kind: Mapping[str, KeypointErrors]
+) -> Float[np.ndarray, "T K D"]:
+    """Keypoints with their systematic offsets; those whose target is not among the names stay."""
+    offset = xy.copy()
+    for k, name in enumerate(names):
+        target, share = offset_target(name, by_kind)
+        if target in names:
+            offset[:, k] += share * (xy[:, names.index(target)] - xy[:, k])
+    return offset
+
 
 _ARM = ("shoulder", "elbow", "wrist")
 _LEG = ("hip", "knee", "ankle", "heel", "big_toe", "small_toe")
@@ -182,3 +228,36 @@ def _swapped(
     rows = np.flatnonzero(np.convolve(begins, np.ones(frames))[: len(xy_px)] > 0)[:, None]
     swapped[rows, left], swapped[rows, right] = xy_px[rows, right], xy_px[rows, left]
     return swapped
+
+
+def false_people(
+    performer: Detections,
+    size: tuple[int, int],
+    rng: np.random.Generator,
+    errors: DetectorErrors | None = None,
+) -> list[Detections | None]:
+    """For each frame the false second person (K keypoints in one frame), or None.
+
+    It is a copy of the performer, reduced in size, elsewhere in the picture, half of it missing. At
+    least one appears in a video.
+    """
+    errors = errors or DetectorErrors()
+    frames, count = performer.confidence.shape
+    rate = errors.false_person_rate / errors.false_person_frames
+    begins = np.flatnonzero(rng.random(frames) < rate)
+    begins = np.append(begins, rng.integers(frames // 4, frames // 2))
+    people: list[Detections | None] = [None] * frames
+    for begin in begins:
+        place = rng.uniform(0.1, 0.9, 2) * size
+        scale = rng.uniform(0.25, 0.6)
+        half = rng.random(count) < 0.5
+        for frame in range(begin, min(begin + errors.false_person_frames, frames)):
+            figure = performer.xy_px[frame]
+            detected = performer.confidence[frame] > 0
+            middle = figure[detected].mean(axis=0) if detected.any() else np.zeros(2)
+            xy = place + scale * (figure - middle) + rng.normal(0.0, 2.0, figure.shape)
+            visible = half & detected
+            confidence = np.where(visible, rng.uniform(0.1, 0.5, count), 0.0)
+            xy = np.where(visible[:, None], xy, 0.0)
+            people[frame] = Detections(xy[None], confidence[None])
+    return people

@@ -1,4 +1,4 @@
-"""One video of the yoga demo: performance, camera, simulated detections, and the pictures."""
+"""Videos of the yoga demo: pictures and simulated detections; the camera stands or walks."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import YOGA_CAMERAS, FilmCamera, aim_camera, stature_px
-from imocap_core.synthetic.demo_body import contact_forward, outfit
-from imocap_core.synthetic.detector import Detections, detect
-from imocap_core.synthetic.false_people import false_people
-from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate, room
-from imocap_core.synthetic.variation import PhaseSpan, SyntheticMotion, perform
+from imocap_core.synthetic.choreography import (
+    PhaseSpan,
+    SyntheticMotion,
+    contact_forward,
+    outfit,
+    perform,
+)
+from imocap_core.synthetic.detector import Detections, detect, false_people
+from imocap_core.synthetic.rooms import backdrop, cast_shadow, render_plate, room
 from imocap_core.synthetic.yoga import SUN_SALUTATION
 
 SIZE = (640, 360)

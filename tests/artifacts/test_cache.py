@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.artifacts.cache import (
+from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.store import (
     CachedResult,
+    Store,
     cached_results,
     leftovers,
     mark_used,
@@ -20,9 +22,7 @@ from imocap_core.artifacts.cache import (
     size_of,
     sweep,
 )
-from imocap_core.artifacts.schemas import Sync
-from imocap_core.artifacts.store import Store
-from imocap_core.whole_files import draft_folder, draft_of, write_whole, writer_has_ended
+from imocap_core.files import draft_folder, draft_of, write_whole, writer_has_ended
 
 DAY_S = 86400.0
 
@@ -144,7 +144,7 @@ def test_leftovers_are_unfinished_files_and_folders(
 def abandoned_draft(folder: Path, kind: str = "draft_of(folder / 'one.mcap')") -> Path:
     """What a process that was killed while it wrote leaves in a folder."""
     code = (
-        "import sys, os; from pathlib import Path; from imocap_core.whole_files import *\n"
+        "import sys, os; from pathlib import Path; from imocap_core.files import *\n"
         "folder = Path(sys.argv[1])\n"
         f"with {kind} as draft: print(draft, flush=True); os._exit(9)"
     )

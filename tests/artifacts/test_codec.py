@@ -15,7 +15,8 @@ from mcap.reader import make_reader
 from mcap.records import Chunk
 
 from imocap_core import limits
-from imocap_core.artifacts import codec, ndarray
+from imocap_core.artifacts import codec
+from imocap_core.artifacts import codec as ndarray
 from imocap_core.artifacts.codec import Content
 from imocap_core.artifacts.schemas import (
     CameraMotion,

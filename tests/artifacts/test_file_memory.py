@@ -18,7 +18,7 @@ from imocap_core.artifacts.file_memory import (
     save_memory,
 )
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.content import content_digest
+from imocap_core.pipeline.source import content_digest
 
 LONG_AGO_S = 1_600_000_000
 

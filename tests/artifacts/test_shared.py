@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.artifacts import patience
-from imocap_core.artifacts.open_shared import shared_files
-from imocap_core.artifacts.patience import PatientFiles
+from imocap_core.artifacts import shared_store
 from imocap_core.artifacts.schemas import Sync
-from imocap_core.artifacts.shared import SharedFiles
-from imocap_core.artifacts.shared_folder import FolderFiles
-from imocap_core.artifacts.shared_results import fetch_detections
+from imocap_core.artifacts.shared_store import (
+    FolderFiles,
+    PatientFiles,
+    SharedFiles,
+    fetch_detections,
+    shared_files,
+)
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import WorkFailed
 
@@ -50,8 +52,8 @@ class Flaky(FolderFiles):
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patience, "FIRST_PAUSE_S", 0.01)
-    monkeypatch.setattr(patience, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(shared_store, "FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(shared_store, "PATIENCE_S", 0.3)
 
 
 def machine(tmp_path: Path, shared: SharedFiles, name: str) -> Store:

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.artifacts import patience
-from imocap_core.artifacts.open_shared import shared_files
-from imocap_core.artifacts.shared import SharedFiles
+from imocap_core.artifacts import shared_store
+from imocap_core.artifacts.shared_store import SharedFiles, shared_files
 from imocap_core.errors import WorkFailed
 from tests.s3_server import BUCKET, HAS_S3, environment, free_port, reaching, s3_server
 
@@ -83,7 +82,7 @@ def store(name: str) -> SharedFiles:
 def test_a_server_that_answers_errors_for_a_while_loses_nothing(
     server: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(patience, "LONGEST_PAUSE_S", 0.5)
+    monkeypatch.setattr(shared_store, "LONGEST_PAUSE_S", 0.5)
     file, copy = tmp_path / "file", tmp_path / "copy"
     file.write_bytes(b"content" * 10_000)
     copy.touch()
@@ -105,7 +104,7 @@ def test_a_server_that_answers_errors_for_a_while_loses_nothing(
 
 
 def test_nobody_who_answers_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patience, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(shared_store, "PATIENCE_S", 1.0)
     with reaching(free_port()), pytest.raises(WorkFailed, match="did not answer for 1 s"):
         store("nobody").has("inputs/a")
 

@@ -15,7 +15,7 @@ from imocap_core.artifacts import side_files
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt
-from imocap_core.made_files import RECORD, record_made
+from imocap_core.files import RECORD, record_made
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from benchmarks.synthetic.trials import align_trials, correspondence
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12
 from imocap_core.metrics.position import mpjpe_mm, pa_mpjpe_mm
-from imocap_core.synthetic.keypoint_errors import with_offsets
+from imocap_core.synthetic.detector import with_offsets
 from tools.calibrate_estimator import TARGET_MM, camera_clips, errors_mm
 
 DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))

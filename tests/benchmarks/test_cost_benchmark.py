@@ -24,7 +24,7 @@ from benchmarks.cost.tables import (
 )
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import LineDisplay
-from imocap_core.artifacts.cache import cached_results
+from imocap_core.artifacts.store import cached_results
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.workspace import Workspace

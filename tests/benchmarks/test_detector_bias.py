@@ -8,8 +8,7 @@ import pytest
 from benchmarks.detector.detection_errors import DetectedClip
 from benchmarks.detector.detector_bias import detector_bias, swapped_body_share
 from imocap_core.conventions import OTHER
-from imocap_core.synthetic.detector import DetectorErrors, detect
-from imocap_core.synthetic.keypoint_errors import KeypointErrors
+from imocap_core.synthetic.detector import DetectorErrors, KeypointErrors, detect
 
 NAMES = tuple(
     f"{side}_{kind}" for kind in ("shoulder", "elbow", "wrist", "hip") for side in ("left", "right")

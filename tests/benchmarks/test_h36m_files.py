@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.actions.h36m_files import FILE_2D, FILE_3D, H36M_17, read_h36m
-from imocap_core.io.object_npz import read_object
+from imocap_core.io.array_files import read_object
 
 
 def write_h36m(folder: Path, tree_3d: dict, tree_2d: dict) -> None:

@@ -17,8 +17,8 @@ from benchmarks.scoring import score
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.cli import main
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.io.detectors.openpose import read_openpose
-from imocap_core.io.estimators.joints_npz import read_joints_npz
+from imocap_core.io.readers.joint_estimators import read_joints_npz
+from imocap_core.io.readers.openpose import read_openpose
 from imocap_core.pipeline.action import read_action
 from imocap_core.workspace import Workspace
 from tests.benchmarks.test_captured import figure

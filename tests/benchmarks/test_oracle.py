@@ -10,7 +10,7 @@ import torch
 
 from benchmarks.scoring.oracle import fit_with_cameras, true_cameras, true_sync
 from imocap_core.artifacts.schemas import SyncMap
-from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
 from imocap_core.io.truth import Truth, VideoTruth
 from tests.motion.made import mpjpe_mm, scene
 from tests.motion.test_smpl_ba import FRAMES, OPTIONS, in_own_axes, made, whole  # noqa: F401

@@ -9,7 +9,7 @@ from benchmarks.field.facts import CURVES, STATISTICS
 from benchmarks.penn.clips import GROUP, Clip, groups_of, make_group
 from benchmarks.penn.hidden_limbs import LIMBS, NAMES, straight_px
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
+from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
 
 
 class Standing:

@@ -23,8 +23,8 @@ from benchmarks.synthetic.retargeting import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import Body
 from imocap_core.rotations import exp, log
 
 FRAMES = 40

@@ -12,7 +12,7 @@ from benchmarks.solver.measure import HEADS, markdown, measure
 from benchmarks.solver.race import NEWTON, first_common_problem, newton, race, timed
 from benchmarks.solver.scene import DISTANCE_M, NOISE_PX, K, made_scene
 from imocap_core.errors import WrongUse
-from imocap_core.motion.solver.gauss_newton import gauss_newton
+from imocap_core.motion.gauss_newton import gauss_newton
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.workspace import Workspace
 

@@ -23,9 +23,9 @@ from benchmarks.speed.motion_alone import MotionAlone, motion_alone
 from benchmarks.speed.report import markdown, report, summary
 from benchmarks.speed.rivals import dtw_by_loops, procrustes_by_svd
 from imocap_core.errors import WrongUse
-from imocap_core.motion.solver.objective import objective
+from imocap_core.motion.gauss_newton import objective
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.sync.pairwise.procrustes import procrustes_distances
+from imocap_core.sync.procrustes import procrustes_distances
 from imocap_core.sync.warp.dtw import dtw
 from imocap_core.workspace import Workspace
 

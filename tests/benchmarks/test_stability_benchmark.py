@@ -28,7 +28,7 @@ from benchmarks.stability.sources import ACTIONS, perturbations_of
 from benchmarks.stability.tables import ActionStability, VariantScore, markdown, movement
 from benchmarks.stability.variants import frame_range, make_variant
 from imocap_core.errors import WrongUse
-from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.readers.openpose import read_openpose
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe, write_h264
 

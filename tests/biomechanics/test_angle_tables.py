@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.biomechanics.angle_spread import angle_spreads_deg
-from imocap_core.biomechanics.cardan import yxy, yxz, zxy
 from imocap_core.biomechanics.joint_angles import (
     ANATOMICAL_JOINTS,
     angle_names,
+    angle_spreads_deg,
     definition_of,
     distal_in_proximal,
     joint_angles_deg,
-)
-from imocap_core.biomechanics.mean_curve import mean_curve, without_steps
-from imocap_core.biomechanics.rotation_jacobian import (
+    mean_curve,
     mirrored_rotation_covariance,
     rotation_jacobian,
+    without_steps,
+    yxy,
+    yxz,
+    zxy,
 )
 from imocap_core.biomechanics.segments import anatomical_axes
 from imocap_core.conventions import SIDES
-from imocap_core.motion.mirror import TWINS
+from imocap_core.motion.state import TWINS
 
 DRAWS = 4000
 POSES = (

@@ -18,7 +18,7 @@ from imocap_core.biomechanics.events import (
     speed_spreads_m_s,
     speeds_m_s,
 )
-from imocap_core.io.writers.events_csv import write_events_csv
+from imocap_core.io.writers.text_files import write_events_csv
 
 FPS = 60.0
 TIME = np.arange(120) / FPS

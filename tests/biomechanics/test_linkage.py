@@ -10,8 +10,13 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from imocap_core.biomechanics.joint_angles import WORLD, joint_angles_deg
-from imocap_core.biomechanics.linkage import Link, linkage, segment_of_joint
-from imocap_core.biomechanics.linkage_motion import linkage_coordinates, to_ground
+from imocap_core.biomechanics.linkage import (
+    Link,
+    linkage,
+    linkage_coordinates,
+    segment_of_joint,
+    to_ground,
+)
 from imocap_core.biomechanics.segments import anatomical_axes, turn_about
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from imocap_core.biomechanics.markers import marker_vertices, surface_markers
+from imocap_core.biomechanics.segments import marker_vertices, surface_markers
 from imocap_core.body import load_free_body
 
 BODY = load_free_body()

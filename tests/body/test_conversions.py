@@ -7,8 +7,8 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from imocap_core.body import conversions as convert
 from imocap_core.body import load_free_body
+from imocap_core.body import model as convert
 
 
 def rotations(*leading: int) -> torch.Tensor:

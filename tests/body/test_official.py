@@ -15,7 +15,7 @@ import scipy.sparse
 import torch
 
 from imocap_core.body import keypoints_with_jacobian, load_body, load_free_body, model_status
-from imocap_core.body.model_pickle import as_array
+from imocap_core.body.official import as_array
 from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS
 from imocap_core.rotations import exp
 from imocap_core.unpickle import InertObject

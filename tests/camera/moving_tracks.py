@@ -3,9 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.camera.feature_tracks import FeatureTracks
-from imocap_core.camera.lens import Lens
-from imocap_core.camera.projection import intrinsics, project
+from imocap_core.camera.background import FeatureTracks
+from imocap_core.camera.projection import Lens, intrinsics, project
 
 SIZE, FOCAL, FRAMES = (640, 360), 600.0, 48
 

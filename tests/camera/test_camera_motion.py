@@ -14,7 +14,7 @@ from imocap_core.camera.background import (
     rescaled,
     track_background,
 )
-from imocap_core.camera.motion import estimate_camera_motion, static_camera
+from imocap_core.camera.camera_motion import estimate_camera_motion, static_camera
 from imocap_core.camera.projection import intrinsics, warp
 
 SIZE, FOCAL = (320, 180), 280.0

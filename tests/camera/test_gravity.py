@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.body.mass import JOINT_MASS_SHARES, centre_of_mass
+from imocap_core.body.kinematics import JOINT_MASS_SHARES, centre_of_mass
 from imocap_core.camera.gravity import FilmedBody, estimate_up
 from imocap_core.camera.tilt_evidence import (
     BALANCE_DOF,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.camera.gravity import FilmedBody
-from imocap_core.camera.ground import (
+from imocap_core.camera.gravity import (
     Z_UP_FROM_Y_UP,
+    FilmedBody,
     estimate_ground,
     sole_depths_mm,
     upright_alignment,

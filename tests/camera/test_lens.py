@@ -4,8 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.camera.lens import Lens
-from imocap_core.camera.projection import intrinsics, project_camera
+from imocap_core.camera.projection import Lens, intrinsics, project_camera
 
 SIZE = (1280, 720)
 K = intrinsics(1000.0, SIZE)

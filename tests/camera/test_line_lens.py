@@ -7,10 +7,16 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.camera.edges import edge_chains
-from imocap_core.camera.line_lens import LineLens, centred_lens, lens_from_lines
+from imocap_core.camera.line_lens import (
+    KeptPictures,
+    LineLens,
+    StillBackground,
+    centred_lens,
+    edge_chains,
+    lens_from_lines,
+    still_background,
+)
 from imocap_core.camera.projection import intrinsics
-from imocap_core.camera.still_background import KeptPictures, StillBackground, still_background
 
 SIZE = (480, 270)
 CORNER = float(np.linalg.norm((np.array(SIZE) - 1) / 2))

@@ -6,10 +6,10 @@ import pytest
 
 from benchmarks.synthetic.furniture import furniture
 from benchmarks.synthetic.walking_cameras import CameraWalk, walk_camera
-from imocap_core.camera.feature_tracks import FeatureTracks, track_features
+from imocap_core.camera.background import FeatureTracks, track_features
 from imocap_core.camera.parallax import gric, parallax_test
 from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.scene import raycast, room
+from imocap_core.synthetic.rooms import raycast, room
 from tests.camera.moving_tracks import (
     FOCAL,
     FRAMES,

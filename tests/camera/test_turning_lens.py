@@ -5,11 +5,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from imocap_core.camera.lens import Lens
 from imocap_core.camera.parallax import parallax_test
-from imocap_core.camera.projection import intrinsics
-from imocap_core.camera.tripod import PairPoints, TripodCamera
-from imocap_core.camera.turning_lens import TurningLens
+from imocap_core.camera.projection import Lens, intrinsics
+from imocap_core.camera.tripod import PairPoints, TripodCamera, TurningLens
 from tests.camera.moving_tracks import FOCAL, FRAMES, SIZE, room_points, tracks_of, turning
 
 SPOT = np.zeros((FRAMES, 3))

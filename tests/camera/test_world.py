@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from imocap_core.camera.world import (
+from imocap_core.camera.gravity import (
     BodyMotion,
     Extrinsics,
     GroundAlignment,

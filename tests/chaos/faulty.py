@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 
 from imocap_core.cli import main
-from imocap_core.detect import process
+from imocap_core.detect import detection
 
 FSYNC = os.fsync
 FIRST_TO_FAIL = int(os.environ.get("CHAOS_FSYNC", 2**31))
@@ -30,7 +30,7 @@ def fsync(descriptor: int) -> None:
 
 
 os.fsync = fsync
-process.ANSWER_S = float(os.environ.get("CHAOS_ANSWER_S", process.ANSWER_S))
+detection.ANSWER_S = float(os.environ.get("CHAOS_ANSWER_S", detection.ANSWER_S))
 if __name__ == "__main__":
     code = main()
     if COUNT is not None:

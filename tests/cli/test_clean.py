@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from imocap_core.artifacts.lock import exclusive
-from imocap_core.cli.clean_command import size_text
+from imocap_core.artifacts.file_memory import exclusive
+from imocap_core.cli.action_commands import size_text
 from imocap_core.errors import WrongUse
-from imocap_core.library import cache_limit
+from imocap_core.library import cleaning
 from imocap_core.library.cleaning import bytes_of, clean
 
 if TYPE_CHECKING:
@@ -152,8 +152,8 @@ def test_wrong_options(toy: Toy, capsys: Capture, words: list[str], message: str
 
 def test_without_a_limit_nothing_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "0")
-    monkeypatch.setattr(cache_limit, "cached_results", lambda folder: pytest.fail("looked"))
-    assert cache_limit.keep_cache_within_limit(Path("no such folder")) == []
+    monkeypatch.setattr(cleaning, "cached_results", lambda folder: pytest.fail("looked"))
+    assert cleaning.keep_cache_within_limit(Path("no such folder")) == []
 
 
 def test_a_run_keeps_the_cache_within_its_limit(

@@ -14,11 +14,11 @@ import pytest
 
 from imocap_core.cli import hoisted
 from imocap_core.export.formats import WRITERS
-from imocap_core.io.detectors.by_name import FORMATS
+from imocap_core.io.readers.keypoint_readers import FORMATS
 from imocap_core.library.new_action import action_of_words
 from imocap_core.pipeline.action import read_action
 from imocap_core.pipeline.format_names import InitialFormat
-from imocap_core.standalone_sync.sources import ascii_name
+from imocap_core.sync_sources import ascii_name
 from tests.io.made_videos import write_video
 
 if TYPE_CHECKING:

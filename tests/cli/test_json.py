@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from imocap_core.cli.json_output import plain
+from imocap_core.cli.options import plain
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from imocap_core.library.listing import headline_of
+from imocap_core.library.status import headline_of
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy

@@ -5,10 +5,15 @@ from typing import Any
 
 import pytest
 
-from imocap_core.library import run_log
-from imocap_core.library.memory_notice import available_bytes, expected_bytes, memory_notice
-from imocap_core.library.progress import FunctionDisplay
-from imocap_core.library.run_log import LoggedDisplay, RunLog
+from imocap_core.library import running
+from imocap_core.library.api_errors import FunctionDisplay
+from imocap_core.library.running import (
+    LoggedDisplay,
+    RunLog,
+    available_bytes,
+    expected_bytes,
+    memory_notice,
+)
 
 
 def test_the_sentence_names_both_sizes_and_what_to_do() -> None:
@@ -37,8 +42,8 @@ def test_it_is_said_once_and_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = FunctionDisplay(lambda stage, share, text: texts.append(text))
     log = object.__new__(RunLog)  # its job is not asked for
     log.outcomes, log.notes = [], []
-    monkeypatch.setattr(run_log, "frames_of", lambda keypoints: [7200, 7200])
-    monkeypatch.setattr(run_log, "available_bytes", lambda: 10**9)
+    monkeypatch.setattr(running, "frames_of", lambda keypoints: [7200, 7200])
+    monkeypatch.setattr(running, "available_bytes", lambda: 10**9)
     display = LoggedDisplay(shown, log)
     display.started("initial_smpl", ["a"])  # the number of frames is not known yet
     outcome: Any = SimpleNamespace(stage="keypoints", stored=None)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core import peak_memory
+from imocap_core import process
 from imocap_core.version import __version__
 from tests.pipeline.conftest import Toy
 
@@ -40,14 +40,14 @@ def test_a_failed_run_is_recorded(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> 
     assert [stage["stage"] for stage in failed["stages"]] == ["gather"]
 
 
-@pytest.mark.skipif(not peak_memory.CLEAR.exists(), reason="no /proc")
+@pytest.mark.skipif(not process.CLEAR.exists(), reason="no /proc")
 def test_peak_memory_is_that_since_the_restart() -> None:
     numbers = np.ones(2**25)
-    before = peak_memory.peak_bytes()
+    before = process.peak_bytes()
     assert before is not None
     assert before > numbers.nbytes
     del numbers
-    peak_memory.restart_peak()
-    after = peak_memory.peak_bytes()
+    process.restart_peak()
+    after = process.peak_bytes()
     assert after is not None
     assert after < before - 2**27

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from imocap_core.artifacts.codec import Content
 from imocap_core.artifacts.store import stored_as
-from imocap_core.cli.status_commands import reasons
+from imocap_core.cli.run_commands import reasons
 from imocap_core.library.terminal import Terminal
 from imocap_core.pipeline.runner import Outcome
 

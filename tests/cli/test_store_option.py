@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from imocap_core.artifacts import patience
-from imocap_core.artifacts.shared_folder import FolderFiles
+from imocap_core.artifacts import shared_store
+from imocap_core.artifacts.shared_store import FolderFiles
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy
@@ -63,8 +63,8 @@ def test_several_processes_of_one_machine_publish_what_they_make(toy: Toy, store
 def test_a_run_goes_on_where_the_store_refused_it(
     toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    monkeypatch.setattr(patience, "FIRST_PAUSE_S", 0.01)
-    monkeypatch.setattr(patience, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(shared_store, "FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(shared_store, "PATIENCE_S", 0.1)
 
     def busy(self: FolderFiles, file: Path, name: str) -> None:
         raise OSError(errno.EBUSY, "Please reduce your request rate")

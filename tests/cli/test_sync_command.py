@@ -14,8 +14,8 @@ from imocap_core.cli import main
 from imocap_core.errors import WrongUse
 from imocap_core.io.video import probe, write_h264
 from imocap_core.pipeline.action import read_action
-from imocap_core.standalone_sync.sources import labels, read_size, sources_of
-from imocap_core.sync.repetition.segmentation import Repetitions
+from imocap_core.sync.repetition import Repetitions
+from imocap_core.sync_sources import labels, read_size, sources_of
 from tests.io import made_keypoints
 from tests.report.made import FPS, SIZE, Made
 
@@ -235,7 +235,7 @@ def test_repetitions_enter_as_videos_of_the_same_file(
     """The cut itself is tested in tests/sync; here, what is made of it."""
     repetitions = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
     monkeypatch.setattr(
-        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: repetitions
+        "imocap_core.sync.repetition.find_repetitions", lambda *_, **__: repetitions
     )
     clip = _video(tmp_path / "in" / "long.mp4", 24)
     _keypoints(tmp_path / "in" / "long", made, 0)
@@ -257,7 +257,7 @@ def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
 ) -> None:
     repetitions = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
     monkeypatch.setattr(
-        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: repetitions
+        "imocap_core.sync.repetition.find_repetitions", lambda *_, **__: repetitions
     )
     for name in ("long", "other"):
         _keypoints(tmp_path / "in" / name, made, 0)

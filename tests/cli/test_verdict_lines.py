@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imocap_core.cli.options import counted, shortened
 from imocap_core.cli.run_commands import terminal_lines
-from imocap_core.verdict.findings import Finding, Verdict
+from imocap_core.diagnostics.findings import Finding, Verdict
 
 SUMMARY = ("Synchronised.", "Do not trust v1.", "Next: remove v1.")
 

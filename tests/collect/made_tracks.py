@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from imocap_core.collect.tracks import ShotTrack
-from imocap_core.motion.mirror import mirrored_joints
+from imocap_core.collect.films import ShotTrack
+from imocap_core.motion.state import mirrored_joints
 
 FPS = 30.0
 

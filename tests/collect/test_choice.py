@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from imocap_core.collect.choice import SameTakeAs, decide
+from imocap_core.collect.listing import Occurrence, SameTakeAs, decide, occurrence_of
 from imocap_core.collect.matching import Match
-from imocap_core.collect.occurrences import Occurrence, occurrence_of
 from imocap_core.collect.shots import Shot
 from imocap_core.params import CollectParams
 from tests.collect.made_tracks import movement, track

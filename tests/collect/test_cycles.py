@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from imocap_core.collect.cycles import cycle_around, cycles_of, in_whole_cycles
+from imocap_core.collect.films import ShotTrack
+from imocap_core.collect.listing import Occurrence, occurrence_of, shows_same
 from imocap_core.collect.matching import Match
-from imocap_core.collect.occurrences import Occurrence, occurrence_of, shows_same
+from imocap_core.collect.movement import cycle_around, cycles_of, in_whole_cycles
 from imocap_core.collect.shots import Shot
-from imocap_core.collect.tracks import ShotTrack
 from imocap_core.params import RepetitionParams
 from tests.collect.made_tracks import FPS, movement, track
 

@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 
-from imocap_core.collect.features import RATES, part_of, samples_of, squared_distances
-from imocap_core.collect.film_tracks import FilmTracks
-from imocap_core.collect.further_examples import (
+from imocap_core.collect.films import ShotTrack
+from imocap_core.collect.matching import (
+    RATES,
+    FilmTracks,
+    Match,
+    part_of,
+    samples_of,
+    squared_distances,
+    template_of,
+)
+from imocap_core.collect.movement import (
     MOST,
     by_further_examples,
     clearest,
@@ -13,8 +21,6 @@ from imocap_core.collect.further_examples import (
     template_at,
     threshold,
 )
-from imocap_core.collect.matching import Match, template_of
-from imocap_core.collect.tracks import ShotTrack
 from imocap_core.params import CollectParams
 from tests.collect.made_tracks import FPS, movement, track
 

@@ -3,16 +3,20 @@
 import numpy as np
 import pytest
 
-from imocap_core.collect.dominant import dominant_template
-from imocap_core.collect.features import RATES, TrackSamples, part_of, pooled, samples_of
+from imocap_core.collect.films import ShotTrack
 from imocap_core.collect.matching import (
+    RATES,
     Match,
     Template,
+    TrackSamples,
     matches_in,
+    part_of,
+    pooled,
+    samples_of,
     score_threshold,
     template_of,
 )
-from imocap_core.collect.tracks import ShotTrack
+from imocap_core.collect.movement import dominant_template
 from imocap_core.params import CollectParams
 from tests.collect.made_tracks import FPS, movement, track
 

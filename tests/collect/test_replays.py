@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.collect.replays import compared_pairs, repeated_motion, same_picture
+from imocap_core.collect.same_takes import compared_pairs, repeated_motion, same_picture
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from tests.collect.made_tracks import FPS, movement, track
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.collect import shots
-from imocap_core.collect.bars import content, without_bars
-from imocap_core.collect.shots import find_shots
+from imocap_core.collect.shots import content, find_shots, without_bars
 from tests.collect.made_shots import faded, mixed, place
 
 

@@ -13,9 +13,8 @@ from imocap_core.detect.workers.blazepose.boxes import (
     SIDE_SCALE,
     box_anchors,
 )
-from imocap_core.detect.workers.blazepose.crops import MARGIN
-from imocap_core.detect.workers.blazepose.landmarks import CENTRE, POINTS, RIM
-from imocap_core.detect.workers.blazepose.person import anchors as person_anchors
+from imocap_core.detect.workers.blazepose.boxes import anchors as person_anchors
+from imocap_core.detect.workers.blazepose.landmarks import CENTRE, MARGIN, POINTS, RIM
 
 Network = Callable[[np.ndarray], list[np.ndarray]]
 SIZE = (400, 600)  # height, width of the pictures

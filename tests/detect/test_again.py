@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.detect.again import KnownPlaces, look_again
-from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detection import detect_video, is_set_up
+from imocap_core.detect.detection_again import KnownPlaces, look_again
 from imocap_core.detect.detectors import detector_of
 from imocap_core.detect.environment import python_for
-from imocap_core.detect.setup import is_set_up
-from imocap_core.detect.workers.blazepose.crops import MARGIN, Crop
-from imocap_core.detect.workers.blazepose.known_place import KINDS, RIM
+from imocap_core.detect.workers.blazepose.landmarks import MARGIN, Crop
+from imocap_core.detect.workers.blazepose.looks import KINDS, RIM
 from imocap_core.detect.workers.blazepose.movenet import APART, LEAST_HEAT, PEAKS, peaks_of
-from imocap_core.io.detectors.mediapipe import read_mediapipe
+from imocap_core.io.readers.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.pipeline.source import PROJECT, closure

@@ -8,18 +8,24 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from imocap_core.detect.workers.blazepose.boxes import box_anchors, detect_boxes
-from imocap_core.detect.workers.blazepose.crops import (
+from imocap_core.detect.workers.blazepose.boxes import (
+    anchors,
+    box_anchors,
+    detect_boxes,
+    detect_people,
+)
+from imocap_core.detect.workers.blazepose.landmarks import (
     MARGIN,
+    POINTS,
     Crop,
+    Pyramid,
     about,
+    detect_landmarks,
     pixels,
+    refined,
     upright_about,
     whole,
 )
-from imocap_core.detect.workers.blazepose.landmarks import POINTS, detect_landmarks, refined
-from imocap_core.detect.workers.blazepose.person import anchors, detect_people
-from imocap_core.detect.workers.blazepose.pyramid import Pyramid
 from tests.detect.made_people import box_network, picture
 
 Network = Callable[[np.ndarray], list[np.ndarray]]

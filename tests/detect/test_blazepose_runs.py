@@ -11,7 +11,7 @@ import pytest
 from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.errors import WorkFailed
-from imocap_core.io.detectors.mediapipe import read_mediapipe
+from imocap_core.io.readers.mediapipe import read_mediapipe
 from imocap_core.params import DetectParams
 from tests.detect.conftest import SIZE as BAR_SIZE
 from tests.detect.conftest import clip

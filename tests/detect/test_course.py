@@ -7,14 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 
+from imocap_core.detect.workers.blazepose.boxes import (
+    PATIENCE,
+    distinct,
+    is_duplicate,
+    shared,
+    with_hidden,
+)
 from imocap_core.detect.workers.blazepose.course import EVERY, Course
-from imocap_core.detect.workers.blazepose.crops import Crop
-from imocap_core.detect.workers.blazepose.followed import ESTABLISHED, FollowedPerson, merged
-from imocap_core.detect.workers.blazepose.hidden import with_hidden
-from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks, mask_in
-from imocap_core.detect.workers.blazepose.overlap import distinct, is_duplicate, shared
-from imocap_core.detect.workers.blazepose.pyramid import Pyramid
-from imocap_core.detect.workers.blazepose.refused import PATIENCE
+from imocap_core.detect.workers.blazepose.landmarks import (
+    Crop,
+    Landmarks,
+    Pyramid,
+    detect_landmarks,
+    mask_in,
+)
+from imocap_core.detect.workers.blazepose.looks import ESTABLISHED, FollowedPerson, merged
 from tests.detect.made_people import (
     HEIGHT,
     WIDTH,

@@ -11,16 +11,19 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.store import Store
-from imocap_core.detect import process
+from imocap_core.detect import detection
 from imocap_core.detect.detection import detect_video, detections_file
 from imocap_core.detect.detectors import detector_of
 from imocap_core.errors import WorkFailed
-from imocap_core.io.detectors.guess import guess_detections
-from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
-from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
-from imocap_core.io.estimators.estimates import PerformerBoxes
+from imocap_core.files import publish_once
+from imocap_core.io.readers.estimates import PerformerBoxes
+from imocap_core.io.readers.keypoint_readers import guess_detections
+from imocap_core.io.readers.mediapipe import (
+    read_mediapipe,
+    read_mediapipe_hands,
+    read_mediapipe_world,
+)
 from imocap_core.params import DetectParams
-from imocap_core.whole_files import publish_once
 from tests.detect.conftest import SIZE, clip
 
 COLUMNS = [20, 22, None, 30, 40]
@@ -145,7 +148,7 @@ def test_a_detector_that_hangs_is_ended(
 ) -> None:
     monkeypatch.setenv("FAKE_DIES_AT", "2")
     monkeypatch.setenv("FAKE_HANGS", "1")
-    monkeypatch.setattr(process, "ANSWER_S", 6.0)  # long enough for it to start
+    monkeypatch.setattr(detection, "ANSWER_S", 6.0)  # long enough for it to start
     video = clip(tmp_path / "bar.mp4", COLUMNS)
     detector = detector_of(params(), tmp_path)
     with pytest.raises(WorkFailed, match=r"gave no answer for 6 s and was ended"):

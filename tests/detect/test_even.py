@@ -7,9 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imocap_core.detect.workers.blazepose.boxes import LIMBS, size_of
 from imocap_core.detect.workers.blazepose.course import EVERY, Course
-from imocap_core.detect.workers.blazepose.crops import Crop
-from imocap_core.detect.workers.blazepose.even import (
+from imocap_core.detect.workers.blazepose.landmarks import (
+    Crop,
+    Landmarks,
+    Pyramid,
+    detect_landmarks,
+)
+from imocap_core.detect.workers.blazepose.looks import (
     LARGEST_ERROR,
     LONGEST,
     Look,
@@ -17,9 +23,6 @@ from imocap_core.detect.workers.blazepose.even import (
     interpolation_error,
     is_even,
 )
-from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks
-from imocap_core.detect.workers.blazepose.overlap import LIMBS, size_of
-from imocap_core.detect.workers.blazepose.pyramid import Pyramid
 from tests.detect.made_people import (
     HEIGHT,
     Network,

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from imocap_core.detect import environment
-from imocap_core.detect.network_files import NetworkFile, fetch_networks, is_present, registry
+from imocap_core.detect.environment import NetworkFile, fetch_networks, is_present, registry
 from imocap_core.errors import WorkFailed
 
 CONTENT = b"a network " * 1000

@@ -175,7 +175,7 @@ def test_a_broken_video_is_given_to_the_detector_once(
 ) -> None:
     add_broken_video(place)
     assert place.run("detect", "mine") == 0
-    monkeypatch.setattr("imocap_core.detect.action.detect_videos", None)
+    monkeypatch.setattr("imocap_core.detect.detected_action.detect_videos", None)
     assert place.run("detect", "mine") == 0
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detection import detect_video, is_set_up
 from imocap_core.detect.detectors import detector_of
 from imocap_core.detect.environment import python_for
-from imocap_core.detect.setup import is_set_up
-from imocap_core.io.detectors.mediapipe import read_mediapipe
+from imocap_core.io.readers.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures

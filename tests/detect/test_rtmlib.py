@@ -9,11 +9,10 @@ import pytest
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.detect.detection import detect_video
-from imocap_core.detect.detectors import Detector, detector_of
+from imocap_core.detect.detectors import Detector, detector_of, frames_with_people, people_arrays
 from imocap_core.detect.environment import FOLDER
-from imocap_core.detect.results import frames_with_people, people_arrays
-from imocap_core.io.detectors.guess import guess_detections
-from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
+from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
+from imocap_core.io.readers.keypoint_readers import guess_detections
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.source import PROJECT
 from tests.detect.made_onnx import person_model, pose_model

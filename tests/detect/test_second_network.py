@@ -12,27 +12,35 @@ import numpy as np
 import pytest
 import torch
 
+from imocap_core.detect.detection import is_set_up
 from imocap_core.detect.detectors import detector_of
 from imocap_core.detect.environment import python_for
-from imocap_core.detect.setup import is_set_up
 from imocap_core.detect.workers.blazepose import tfjs
-from imocap_core.detect.workers.blazepose.both import (
+from imocap_core.detect.workers.blazepose.course import Course
+from imocap_core.detect.workers.blazepose.landmarks import (
+    MARGIN,
+    Crop,
+    Landmarks,
+    Pyramid,
+    detect_landmarks,
+    pixels,
+)
+from imocap_core.detect.workers.blazepose.looks import between
+from imocap_core.detect.workers.blazepose.movenet import (
     DOUBTFUL,
     ELSEWHERE,
     JOINTS,
     NEAR,
+    POINTS,
     SECOND_POINTS,
+    SIZE,
     SOMEBODY_ELSE,
     TIPS,
     combined,
+    crop_about,
+    detect_points,
     is_doubted,
 )
-from imocap_core.detect.workers.blazepose.course import Course
-from imocap_core.detect.workers.blazepose.crops import MARGIN, Crop, pixels
-from imocap_core.detect.workers.blazepose.even import between
-from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks
-from imocap_core.detect.workers.blazepose.movenet import POINTS, SIZE, crop_about, detect_points
-from imocap_core.detect.workers.blazepose.pyramid import Pyramid
 from tests.detect.made_people import (
     HEIGHT,
     blind_person_detector,

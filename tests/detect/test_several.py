@@ -8,11 +8,9 @@ from threading import Event, Timer
 import numpy as np
 import pytest
 
-from imocap_core.detect import several, worker_group
+from imocap_core.detect import detection
+from imocap_core.detect.detection import Undetected, Worker, WorkerGroup, detect_videos
 from imocap_core.detect.detectors import Detector, detector_of
-from imocap_core.detect.process import Worker
-from imocap_core.detect.several import Undetected, detect_videos
-from imocap_core.detect.worker_group import WorkerGroup
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 from tests.detect.conftest import clip
@@ -23,7 +21,7 @@ LENGTHS = (9, 4, 6)
 @pytest.fixture(params=[1, 3], ids=["one core", "three cores"])
 def many_cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
     count: int = request.param
-    monkeypatch.setattr(several, "cores", lambda: count)
+    monkeypatch.setattr(detection, "cores", lambda: count)
     return count
 
 
@@ -73,13 +71,13 @@ def test_detectors_that_hang_end_with_an_interrupted_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The interrupt reaches the main thread only, as Ctrl-C does."""
-    monkeypatch.setattr(several, "cores", lambda: 3)
+    monkeypatch.setattr(detection, "cores", lambda: 3)
     monkeypatch.setenv("FAKE_DIES_AT", "2")
     monkeypatch.setenv("FAKE_HANGS", "1")
     all_hang = Event()
     workers: list[Worker] = []
 
-    class Pool(worker_group.ThreadPoolExecutor):
+    class Pool(detection.ThreadPoolExecutor):
         def map(self, work, rows, **more):  # type: ignore[no-untyped-def]
             super().map(work, rows, **more)
             assert all_hang.wait(60)
@@ -95,7 +93,7 @@ def test_detectors_that_hang_end_with_an_interrupted_run(
         workers.append(worker)
         add(self, worker)
 
-    monkeypatch.setattr(worker_group, "ThreadPoolExecutor", Pool)
+    monkeypatch.setattr(detection, "ThreadPoolExecutor", Pool)
     monkeypatch.setattr(WorkerGroup, "add", noted)
     with pytest.raises(KeyboardInterrupt):
         detect_videos(videos(tmp_path), detector, detector_python, progress)

@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.export.blender.characters import Target, write_characters
-from imocap_core.io.writers.clip_body import ClipCamera, skin_of
-from imocap_core.io.writers.gltf_scene import Actor, write_glb
+from imocap_core.export.blender import Target, write_characters
+from imocap_core.io.writers.gltf import Actor, ClipCamera, skin_of, write_glb
 from imocap_core.io.writers.rigs import as_rig
 from tests.io.made_clips import made_clip
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core.io.writers.bvh import write_bvh
-from imocap_core.io.writers.lafan1 import as_lafan1
+from imocap_core.io.writers.bvh import as_lafan1, write_bvh
 from imocap_core.io.writers.motion_clip import scaled
 from tests.io.made_clips import made_clip
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from imocap_core.errors import WorkFailed
-from imocap_core.executors.cluster import dask_cluster
-from imocap_core.executors.perform import perform
-from imocap_core.executors.task import Begun, Progressed, Task
+from imocap_core.executors.processes import dask_cluster
+from imocap_core.executors.tasks import Begun, Progressed, Task, perform
 from tests.executors.work import die_once, note, refuse
 
 pytest.importorskip("distributed", reason="the extra dask is not installed")
@@ -37,7 +36,7 @@ def test_a_graph_on_a_cluster_survives_a_worker_killed_by_signal(tmp_path: Path)
 
 
 def test_a_scheduler_that_does_not_answer_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imocap_core.executors.cluster.CONNECT_S", 1)
+    monkeypatch.setattr("imocap_core.executors.processes.CONNECT_S", 1)
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{unused.getsockname()[1]}"

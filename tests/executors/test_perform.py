@@ -15,11 +15,17 @@ from typing import Any
 
 import pytest
 
-from imocap_core.executors.perform import perform
 from imocap_core.executors.processes import worker_processes
-from imocap_core.executors.schedule import Schedule
-from imocap_core.executors.serial import Serial
-from imocap_core.executors.task import Begun, Executor, Progressed, Report, Task
+from imocap_core.executors.tasks import (
+    Begun,
+    Executor,
+    Progressed,
+    Report,
+    Schedule,
+    Serial,
+    Task,
+    perform,
+)
 from imocap_core.workers import cores
 from tests.executors.work import die_once, note, refuse
 from tests.processes import is_running, must_end, plant
@@ -229,9 +235,9 @@ def test_what_a_task_prints_is_no_event() -> None:
 # A script without `if __name__ == "__main__"`: multiprocessing's workers would run it again.
 SCRIPT = """
 import os
-from imocap_core.executors.perform import perform
+from imocap_core.executors.tasks import perform
 from imocap_core.executors.processes import worker_processes
-from imocap_core.executors.task import Task
+from imocap_core.executors.tasks import Task
 from tests.executors.work import stay
 print("begun", flush=True)
 with worker_processes(1) as executor:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from imocap_core.errors import WorkFailed
-from imocap_core.executors.task import Report
+from imocap_core.executors.tasks import Report
 
 
 def note(report: Report, file: Path, text: str) -> int:

@@ -12,8 +12,8 @@ from imocap_core.artifacts import codec
 from imocap_core.artifacts.schemas import Hands
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
-from imocap_core.io.detectors.by_name import format_and_layout
-from imocap_core.io.time_stamps import variable_times_s
+from imocap_core.io.frame_access import variable_times_s
+from imocap_core.io.readers.keypoint_readers import format_and_layout
 from imocap_core.io.video import probe, read_gray, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.pipeline.graph import read_pipeline, settings

@@ -12,7 +12,7 @@ from imocap_core.artifacts import codec
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import ArtifactCorrupt
 from imocap_core.pipeline.keys import differences
-from imocap_core.pipeline.recipe import Recipe
+from imocap_core.pipeline.stage import Recipe
 from tests.made_keypoints import made_keypoints
 
 VIDEO = made_keypoints(np.arange(3))

@@ -10,10 +10,9 @@ import torch
 from torch import Tensor
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.assemble import ArmsAndHands, point_weights
-from imocap_core.hands.fit import FittedHands, fit_hands
-from imocap_core.hands.kinematics import hand_points
-from imocap_core.hands.skeleton import ANGLE_NAMES, hand_skeleton
+from imocap_core.hands.hand_fit import FittedHands, fit_hands
+from imocap_core.hands.hand_objective import ArmsAndHands, point_weights
+from imocap_core.hands.hand_skeleton import ANGLE_NAMES, hand_points, hand_skeleton
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.params import HandsParams
 from imocap_core.rotations import exp

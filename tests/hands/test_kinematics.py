@@ -3,8 +3,13 @@
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.kinematics import hand_points, joint_vectors
-from imocap_core.hands.skeleton import ANGLE_NAMES, HandSkeleton, hand_skeleton
+from imocap_core.hands.hand_skeleton import (
+    ANGLE_NAMES,
+    HandSkeleton,
+    hand_points,
+    hand_skeleton,
+    joint_vectors,
+)
 from imocap_core.rotations import exp
 
 MODEL = load_free_body(hands=True)

@@ -10,11 +10,18 @@ import torch
 from torch import Tensor
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.skeleton import hand_skeleton
-from imocap_core.hands.starts import cheapest_path
-from imocap_core.hands.state import CommonHand, HandState, HandViews
-from imocap_core.hands.terms import coupling_cost, image_cost, prior_cost, smooth_cost
-from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.hands.hand_fit import cheapest_path
+from imocap_core.hands.hand_objective import (
+    CommonHand,
+    HandState,
+    HandViews,
+    coupling_cost,
+    image_cost,
+    prior_cost,
+    smooth_cost,
+)
+from imocap_core.hands.hand_skeleton import hand_skeleton
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.params import HandsParams
 from imocap_core.rotations import exp
 

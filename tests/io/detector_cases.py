@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from imocap_core.io.detectors.by_name import read_detections
+from imocap_core.io.readers.keypoint_readers import read_detections
 from tests.io import made_keypoints as made
 
 Write = Callable[[Path, made.People], Path]

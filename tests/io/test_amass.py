@@ -15,9 +15,8 @@ import pytest
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS, SMPLX_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.io.estimators.smpl_npz import read_smpl_npz
-from imocap_core.io.writers.amass_npz import write_amass
-from imocap_core.io.writers.export_npz import ExportedHands, ExportedVideo
+from imocap_core.io.readers.smpl_estimators import read_smpl_npz
+from imocap_core.io.writers.export_npz import ExportedHands, ExportedVideo, write_amass
 from imocap_core.result.body import posed_joints
 from tests.pipeline.made_result import BETAS, FPS, LENGTHS, Made, made_result
 

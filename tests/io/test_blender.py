@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.export.blender.characters import Target, write_characters
+from imocap_core.export.blender import Target, write_characters
+from imocap_core.export.clips import with_root_bone
 from imocap_core.io.writers.bvh import write_bvh
-from imocap_core.io.writers.clip_body import ClipCamera, skin_of
-from imocap_core.io.writers.gltf_scene import Actor, write_glb
+from imocap_core.io.writers.gltf import Actor, ClipCamera, skin_of, write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, upright_rest
 from imocap_core.io.writers.rigs import as_rig
-from imocap_core.io.writers.root_bone import with_root_bone
 from tests.io.made_clips import Made, made_clip
 from tools import check_characters
 from tools.check_in_blender import blender_axes, joint_error_m, read_in_blender

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.blender.program import HERE, blender_program, command, run_in_blender
+from imocap_core.export.blender import HERE, blender_program, command, run_in_blender
+from imocap_core.export.export_options import ExportOptions
 from imocap_core.export.formats import check_format
-from imocap_core.export.options import ExportOptions
 
 
 def test_a_blender_and_a_python_get_the_same_script() -> None:

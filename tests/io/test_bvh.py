@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.bvh import bvh_text, euler_zyx_deg, write_bvh
-from imocap_core.io.writers.lafan1 import JOINTS, as_lafan1
+from imocap_core.io.writers.bvh import JOINTS, as_lafan1, bvh_text, euler_zyx_deg, write_bvh
 from imocap_core.io.writers.motion_clip import scaled, upright_rest
 from tests.io.made_clips import made_clip
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.camera_calibration import CameraCalibration, write_calibration
+from imocap_core.io.writers.text_files import CameraCalibration, write_calibration
 
 R = Rotation.from_rotvec([0.3, -1.2, 0.4]).as_matrix()
 CAMERA = CameraCalibration(

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.camera.world import heading
+from imocap_core.camera.gravity import heading
+from imocap_core.export.clips import with_root_bone
 from imocap_core.io.writers.bvh import bvh_text
-from imocap_core.io.writers.clip_body import skin_of
+from imocap_core.io.writers.gltf import skin_of
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips, scaled, upright_rest
 from imocap_core.io.writers.rigs import RIGS, as_rig, skin_as_rig
-from imocap_core.io.writers.root_bone import with_root_bone
 from imocap_core.rotations import exp
 
 T = 6

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.io.detectors.by_name import FORMATS, format_and_layout
+from imocap_core.io.readers.keypoint_readers import FORMATS, format_and_layout
 from tests.io import made_keypoints as made
 from tests.io.detector_cases import CASES, read, written
 

@@ -9,9 +9,8 @@ import av
 import numpy as np
 import pytest
 
-from imocap_core.io.display import PictureDisplay, axes_of, display_of
 from imocap_core.io.frame_access import all_frames
-from imocap_core.io.video import probe, read_gray, read_rgb
+from imocap_core.io.video import PictureDisplay, axes_of, display_of, probe, read_gray, read_rgb
 from tests.io.made_videos import write_video
 
 ONE = 1 << 16
@@ -94,7 +93,7 @@ def test_a_damaged_matrix_and_pictures_of_another_size() -> None:
     frame = av.VideoFrame.from_ndarray(np.zeros((64, 96, 3), np.uint8), format="rgb24")
     display = display_of(frame, None)
     assert display == PictureDisplay((96, 64))
-    from imocap_core.io.display import ShownFrame
+    from imocap_core.io.video import ShownFrame
 
     half = av.VideoFrame.from_ndarray(np.zeros((32, 48, 3), np.uint8), format="rgb24")
     assert ShownFrame(half, display).rgb().shape == (64, 96, 3)  # the stream changed its size

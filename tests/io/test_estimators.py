@@ -15,9 +15,9 @@ import pytest
 import torch
 
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
-from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
-from imocap_core.io.estimators.estimates import PerformerBoxes
-from imocap_core.io.sam3d_files import NAMES
+from imocap_core.io.readers.estimates import PerformerBoxes
+from imocap_core.io.readers.joint_estimators import NAMES
+from imocap_core.io.readers.smpl_estimators import JOINT_READERS, ROTATIONS
 from tests.io import made_estimates as made
 
 WRITERS: dict[str, Callable[..., Path]] = {
@@ -78,7 +78,9 @@ def wanted(first: int = 1, stop: int = made.FRAMES - 1) -> PerformerBoxes:
 
 def read(kind: str, path: Path, what: PerformerBoxes | None = None) -> Any:
     what = wanted() if what is None else what
-    return ROTATIONS[kind](path, what) if kind in ROTATIONS else JOINTS[kind](path, what).joints
+    return (
+        ROTATIONS[kind](path, what) if kind in ROTATIONS else JOINT_READERS[kind](path, what).joints
+    )
 
 
 def expected(kind: str, who: made.Truth = made.PERFORMER) -> np.ndarray:
@@ -99,7 +101,7 @@ def the_file(path: Path) -> Path:
 
 
 def test_every_reader_is_tested() -> None:
-    assert set(WRITERS) == {*ROTATIONS, *JOINTS} - {"joints_npz"}
+    assert set(WRITERS) == {*ROTATIONS, *JOINT_READERS} - {"joints_npz"}
 
 
 @ALL

@@ -12,9 +12,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.clip_body import ClipCamera, skin_of
-from imocap_core.io.writers.glb import COMPONENTS, KINDS, Numbers
-from imocap_core.io.writers.gltf_scene import Actor, quaternions, scene_bytes, write_glb
+from imocap_core.io.writers.gltf import (
+    COMPONENTS,
+    KINDS,
+    Actor,
+    ClipCamera,
+    Numbers,
+    quaternions,
+    scene_bytes,
+    skin_of,
+    write_glb,
+)
 from tests.io.made_clips import Made, made_clip
 
 TYPES = {code: np.dtype(name) for name, code in COMPONENTS.items()}

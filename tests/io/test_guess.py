@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.io.detectors.guess import guess_detections
-from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
-from imocap_core.io.detectors.mediapipe import read_mediapipe
-from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
+from imocap_core.io.readers.keypoint_readers import guess_detections
+from imocap_core.io.readers.mediapipe import read_mediapipe
+from imocap_core.io.readers.openpose import read_openpose
 
 
 def _write(folder: Path, people: list[np.ndarray]) -> Path:

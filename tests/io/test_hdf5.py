@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io import hdf5
-from imocap_core.io.detectors.by_name import format_and_layout
+from imocap_core.io import array_files
+from imocap_core.io.readers.keypoint_readers import format_and_layout
 from tests.io import made_keypoints as made
 from tests.io.detector_cases import read, refused
 
@@ -95,7 +95,7 @@ def test_sleaps_own_axes_need_no_names(h5py: Any, tmp_path: Path) -> None:
 def test_without_h5py_it_says_what_to_do(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hdf5, "find_spec", lambda name: None)
+    monkeypatch.setattr(array_files, "find_spec", lambda name: None)
     path = tmp_path / "clip.h5"
     path.write_bytes(b"\x89HDF\r\n")
     assert "pip install 'imocap[h5]', or export the results as CSV" in refused(path, kind, LAYOUT)
@@ -252,7 +252,7 @@ def test_a_file_from_which_the_library_does_not_come_back_is_refused(
     h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
-    monkeypatch.setattr(hdf5, "TRIAL_S", 1e-3)  # less than any process takes to start
+    monkeypatch.setattr(array_files, "TRIAL_S", 1e-3)  # less than any process takes to start
     assert "has not finished reading it" in refused(path, "sleap", LAYOUT)
 
 
@@ -262,7 +262,7 @@ def test_a_file_on_which_the_library_breaks_down_is_refused(
     path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
     (tmp_path / "broken_trial.py").write_text("import os; os.abort()")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    monkeypatch.setattr(hdf5, "TRIAL", "broken_trial")
+    monkeypatch.setattr(array_files, "TRIAL", "broken_trial")
     assert "breaks down on it" in refused(path, "sleap", LAYOUT)
 
 
@@ -275,13 +275,13 @@ def test_the_trial_reads_all_parts_and_ends_with_parts_in_circles(
         inner["numbers"] = np.arange(5)
         inner["again"] = root["a"]
         inner["elsewhere"] = h5py.ExternalLink("other.h5", "/")
-    hdf5.must_come_back(path, 0)
+    array_files.must_come_back(path, 0)
 
 
 def test_a_file_is_tried_once(h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
     read(path, "sleap", LAYOUT)
-    monkeypatch.setattr(hdf5, "TRIAL_S", 1e-3)
+    monkeypatch.setattr(array_files, "TRIAL_S", 1e-3)
     read(path, "sleap", LAYOUT)
     os.utime(path, (0.0, 0.0))
     assert "has not finished reading it" in refused(path, "sleap", LAYOUT)

@@ -20,13 +20,12 @@ import pytest
 
 from imocap_core import limits
 from imocap_core.errors import WorkFailed
-from imocap_core.io.detectors.openpose import read_openpose
-from imocap_core.io.detectors.people import read_json
+from imocap_core.io.array_files import read_object, read_results
 from imocap_core.io.npz import load_arrays
-from imocap_core.io.object_npz import read_object
-from imocap_core.io.pickles import read_results
+from imocap_core.io.readers.openpose import read_openpose
+from imocap_core.io.readers.people import read_json
 from imocap_core.io.video import probe, read_rgb, write_h264
-from imocap_core.pipeline.content import content_digest
+from imocap_core.pipeline.source import content_digest
 from imocap_core.pipeline.yaml_file import load_yaml
 from imocap_core.unpickle import UNREADABLE, load_pickle
 
@@ -36,7 +35,7 @@ ZEROS = pickle.dumps({"poses": b"\0" * 2**20})
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> None:
     """Room for half of the zeros."""
-    for module in ("imocap_core.limits", "imocap_core.io.pickles"):
+    for module in ("imocap_core.limits", "imocap_core.io.array_files"):
         monkeypatch.setattr(f"{module}.MAX_UNPACKED_BYTES", 2**19)
 
 

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
 from imocap_core.io.writers import foxglove
-from imocap_core.io.writers.mcap_view import entry, write_view
+from imocap_core.io.writers.foxglove import entry, write_view
 
 K = np.array([[500.0, 0, 240], [0, 510, 135], [0, 0, 1]])
 R = Rotation.from_rotvec([0.2, -0.4, 2.5]).as_matrix()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.io.writers.clip_body import skin_of, vertex_normals
+from imocap_core.io.writers.gltf import skin_of, vertex_normals
 from imocap_core.io.writers.motion_clip import upright_rest
 from tests.io.made_clips import made_clip
 

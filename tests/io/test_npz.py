@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.estimators.joints_npz import read_joints_npz
-from imocap_core.io.estimators.smpl_npz import read_smpl_npz
+from imocap_core.io.readers.joint_estimators import read_joints_npz
+from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.io.truth import read_truth
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.readers.openpose import read_openpose
 
 
 def write(folder, number, people):

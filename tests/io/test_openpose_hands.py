@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.io.detectors.openpose_hands import read_openpose_hands
+from imocap_core.io.readers.openpose import read_openpose_hands
 
 BODY = np.column_stack([np.arange(25) * 3.0, np.arange(25) * 5.0])
 FRAMES = np.array([4, 5, 6])

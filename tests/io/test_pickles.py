@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.io.pickles import read_results
-from imocap_core.unpickle import records
+from imocap_core import unpickle
+from imocap_core.io.array_files import read_results
 from tests.io import made_estimates as made
 from tests.io.test_estimators import WRITERS, read, the_file
 
@@ -118,10 +118,10 @@ def test_a_tensor_may_not_reach_beyond_its_numbers() -> None:
     numbers = torch.storage.TypedStorage(
         wrap_storage=whole.untyped_storage(), dtype=whole.dtype, _internal=True
     )
-    np.testing.assert_array_equal(records.tensor(numbers, 1, (3,), (1,)), [1, 2, 3])
+    np.testing.assert_array_equal(unpickle.tensor(numbers, 1, (3,), (1,)), [1, 2, 3])
     for offset, size, stride in ((2, (3,), (1,)), (0, (2, 3), (3, 1)), (-1, (1,), (1,))):
         with pytest.raises(pickle.UnpicklingError, match="it contains a"):
-            records.tensor(numbers, offset, size, stride)
+            unpickle.tensor(numbers, offset, size, stride)
 
 
 def test_a_list_that_holds_itself_is_refused(tmp_path: Path) -> None:

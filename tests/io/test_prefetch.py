@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from imocap_core.io.prefetch import prefetch
+from imocap_core.io.frame_access import prefetch
 
 
 def test_the_same_items_in_the_same_order() -> None:

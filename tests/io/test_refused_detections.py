@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core.io.detectors.by_name import format_and_layout
+from imocap_core.io.readers.keypoint_readers import format_and_layout
 from tests.io import made_keypoints as made
 from tests.io.detector_cases import CASES, FILES, read, refused, written
 

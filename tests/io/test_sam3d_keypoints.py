@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import hand_columns, layout_names
-from imocap_core.io.detectors.by_name import format_and_layout
-from imocap_core.io.sam3d_files import NAMES
+from imocap_core.io.readers.joint_estimators import NAMES
+from imocap_core.io.readers.keypoint_readers import format_and_layout
 from tests.io.detector_cases import read, refused
 
 KIND, LAYOUT = "sam3d_body", "wholebody133"

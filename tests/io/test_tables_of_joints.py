@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.io.writers.joints_csv import write_joints_csv
-from imocap_core.io.writers.trc import trc_text, write_trc
+from imocap_core.io.writers.text_files import trc_text, write_joints_csv, write_trc
 from tests.io.made_clips import made_clip
 
 

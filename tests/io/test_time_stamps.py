@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.io.time_stamps import variable_times_s
+from imocap_core.io.frame_access import variable_times_s
 from imocap_core.io.video import probe, read_gray, write_h264
 from tests.io.made_times import write_timed
 from tests.io.made_videos import write_video

@@ -6,8 +6,8 @@ import av
 import numpy as np
 import pytest
 
+from imocap_core.io.frame_access import check_video
 from imocap_core.io.video import open_video
-from imocap_core.io.video_check import check_video
 from tests.io.made_times import write_timed
 from tests.io.made_videos import write_video
 

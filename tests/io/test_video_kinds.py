@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
+from imocap_core.io.frame_access import check_video
 from imocap_core.io.video import probe, read_gray
-from imocap_core.io.video_check import check_video
 from tests.io.made_videos import FPS, level, turn, write_video
 
 

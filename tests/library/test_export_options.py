@@ -10,9 +10,8 @@ import pytest
 
 import imocap
 from imocap_core.cli import main
-from imocap_core.export.options import ExportOptions
-from imocap_core.result.mean_performance import fade, mean_performance
-from imocap_core.result.start_origin import from_start
+from imocap_core.export.export_options import ExportOptions
+from imocap_core.result.derived import fade, from_start, mean_performance
 from tests.library.conftest import SmallRun
 
 

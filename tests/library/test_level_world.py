@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.camera.ground import Z_UP_FROM_Y_UP as Q
+from imocap_core.camera.gravity import Z_UP_FROM_Y_UP as Q
 from tests.library.conftest import SmallRun
 
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from imocap_core.adapters.participants import mirrored_camera
+from imocap_core.adapters.relative_motion import paths_of, relative_motions
 from imocap_core.artifacts.schemas import Camera, VideoMotion
-from imocap_core.camera.lens import Lens
-from imocap_core.camera.projection import intrinsics, project
-from imocap_core.export.tables import per_frame
-from imocap_core.problem.mirroring import mirrored_camera
-from imocap_core.problem.relative_motion import paths_of, relative_motions
-from imocap_core.result.camera import VideoCamera
+from imocap_core.camera.projection import Lens, intrinsics, project
+from imocap_core.export.side_files import per_frame
+from imocap_core.result.video import VideoCamera
 
 FRAMES, SIZE = 6, (480, 270)
 K = intrinsics(450.0, SIZE)

@@ -11,9 +11,8 @@ import pytest
 
 import imocap
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.library.action_record import must_be_inside
-from imocap_core.library.folder_archive import pack, unpack
-from imocap_core.pipeline.allowed_scripts import VARIABLE
+from imocap_core.library.shared_action import must_be_inside, pack, unpack
+from imocap_core.pipeline.graph import VARIABLE
 from tests.pipeline.conftest import Toy, toy  # noqa: F401  (a fixture)
 
 OUTSIDE = ["../v1.txt", "a/../../b", "/etc/passwd", "..", "", "a\\..\\b", "c:/x", "a\nb", ".git/x"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from imocap_core.cli.json_output import plain
+from imocap_core.cli.options import plain
 from imocap_core.library.run_document import run_document
 from imocap_core.library.running import run_action
 

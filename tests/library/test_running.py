@@ -13,7 +13,7 @@ import pytest
 
 import imocap
 from imocap_core.cli import main
-from imocap_core.library.running import one_off
+from imocap_core.library.api_errors import one_off
 from tests.io.made_videos import write_video
 from tests.library.conftest import SmallRun
 

@@ -5,10 +5,8 @@ import pytest
 import torch
 
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.lifter.infer import lift, window_rows
-from imocap_core.lifter.network import WINDOW, Lifter
-from imocap_core.lifter.points import COMMON, MIRROR
-from imocap_core.lifter.stitch import stitch_alternatives
+from imocap_core.lifter.infer import lift, stitch_alternatives, window_rows
+from imocap_core.lifter.lifter_network import COMMON, MIRROR, WINDOW, Lifter
 
 K = len(COMMON)
 

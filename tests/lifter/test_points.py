@@ -8,7 +8,7 @@ import torch
 
 from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layout_keypoints
-from imocap_core.lifter.points import COMMON, MIRROR, can_lift, columns_of, to_common
+from imocap_core.lifter.lifter_network import COMMON, MIRROR, can_lift, columns_of, to_common
 
 LAYOUTS = (
     "body25",

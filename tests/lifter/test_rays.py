@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.lifter.points import COMMON
-from imocap_core.lifter.rays import FEATURES, person_centred_features
+from imocap_core.lifter.lifter_network import COMMON, FEATURES, person_centred_features
 
 K = len(COMMON)
 

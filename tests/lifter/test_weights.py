@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from imocap_core.lifter.network import Lifter
-from imocap_core.lifter.weights import load_lifter, read_weights, write_weights
+from imocap_core.lifter.lifter_network import Lifter, load_lifter, read_weights, write_weights
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,17 @@ import pytest
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices, sideless
-from imocap_core.marks.correction import FLIP, ShiftNetwork, corrected_marks
-from imocap_core.marks.features import FEATURES, POINTS, TRUNK
-from imocap_core.marks.weights import load_correction, read_weights, write_weights
+from imocap_core.lifter.keypoint_offsets import (
+    FEATURES,
+    FLIP,
+    POINTS,
+    TRUNK,
+    ShiftNetwork,
+    corrected_marks,
+    load_correction,
+    read_weights,
+    write_weights,
+)
 
 NAMES = layout_names("blazepose33")
 MOVED = [NAMES.index(f"{side}_{end}") for side in ("left", "right") for end in TRUNK]

@@ -7,7 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
-from imocap_core.metrics.body_scoring import (
+from imocap_core.metrics.scoring import (
+    CameraJoints,
+    ScoreRow,
     aligned_errors_mm,
     jitter_row,
     joint_group_rows,
@@ -16,7 +18,6 @@ from imocap_core.metrics.body_scoring import (
     stretch_rows,
     world_rows,
 )
-from imocap_core.metrics.scoring import CameraJoints, ScoreRow
 
 
 @pytest.fixture

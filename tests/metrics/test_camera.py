@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.metrics.camera import (
+from imocap_core.metrics.trajectory import (
     camera_place_errors_mm,
     camera_rotation_error_deg,
     focal_error_pct,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.metrics.hands import hand_mpjpe_mm, hand_mpjpe_scaled_mm, hand_pa_mpjpe_mm
+from imocap_core.metrics.position import hand_mpjpe_mm, hand_mpjpe_scaled_mm, hand_pa_mpjpe_mm
 
 HANDS = np.random.default_rng(0).normal(0.0, 0.05, (5, 2, 21, 3))
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.metrics.joint_rotations import (
+from imocap_core.metrics.whole_body import (
     joint_rotation_errors_deg,
     mpjae_deg,
     rotation_errors_deg,

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.metrics.mesh_stretch import (
-    closed_part,
-    edges_of,
-    stretched_edge_shares,
-    volumes_m3,
-)
+from imocap_core.metrics.whole_body import closed_part, edges_of, stretched_edge_shares, volumes_m3
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 _SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))

@@ -7,14 +7,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
-from imocap_core.metrics.joints import hip_midpoint, missing_joints, root_relative, select_joints
 from imocap_core.metrics.position import (
     acceleration_error_m_s2,
+    hip_midpoint,
     joint_errors_mm,
     mean_joint_errors_mm,
+    missing_joints,
     mpjpe_mm,
     mpjpe_scaled_mm,
     pa_mpjpe_mm,
+    root_relative,
+    select_joints,
 )
 
 

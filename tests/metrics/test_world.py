@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.metrics.world import (
+from imocap_core.metrics.trajectory import (
     SEGMENT,
     foot_sliding_mm,
     jitter_10m_s3,

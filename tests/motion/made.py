@@ -6,12 +6,10 @@ import numpy as np
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.scene import JointMotion
+from imocap_core.motion.multiview.scene import Cameras, JointMotion
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior, mixture
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp
 

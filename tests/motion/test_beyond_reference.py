@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.beyond_reference import Axis, continued
 from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import Axis, continued, recover_motion
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.state import MotionState
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene, wide_prior

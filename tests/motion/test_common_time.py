@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.multiview.common_time import (
-    common_grid,
-    frame_positions,
-    pose_at,
-    values_at,
-)
+from imocap_core.motion.multiview.timeline import common_grid, frame_positions, pose_at, values_at
 
 
 def test_the_grid_spans_all_videos_in_steps_of_the_reference() -> None:

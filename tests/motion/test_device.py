@@ -14,13 +14,11 @@ from torch.utils._pytree import tree_leaves
 from benchmarks.solver.adam import adam
 from benchmarks.solver.lbfgs import lbfgs
 from benchmarks.solver.scene import made_scene
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.motion.solver.gauss_newton import gauss_newton
-from imocap_core.motion.solver.normal import solve_globals
-from imocap_core.motion.solver.objective import linearise, linearise_halves, objective
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.normal import solve_globals
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.workers import in_turn

@@ -7,9 +7,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.multiview.facing import facing_agreement
-from imocap_core.motion.multiview.offset_spread import initial_offset_sd
-from imocap_core.motion.multiview.per_video import fit_deviations, targets_of
+from imocap_core.motion.multiview.per_video import (
+    facing_agreement,
+    fit_deviations,
+    initial_offset_sd,
+    targets_of,
+)
 from imocap_core.motion.multiview.scene import DeviationSpread, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.observations import Observation

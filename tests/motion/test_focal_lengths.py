@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.focal_lengths import free_focal_lengths
+from imocap_core.motion.multiview.common_motion import free_focal_lengths
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline

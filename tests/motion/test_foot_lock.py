@@ -10,10 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.foot_lock import LockedFeet, lock_feet
-from imocap_core.motion.foot_lock.contacts import Span, spans_of
-from imocap_core.motion.foot_lock.fade import faded
-from imocap_core.motion.foot_lock.leg import leg_to, shortest_arc
+from imocap_core.motion.motion_cleaning import (
+    LockedFeet,
+    Span,
+    faded,
+    leg_to,
+    lock_feet,
+    shortest_arc,
+    spans_of,
+)
 
 FPS, T = 30.0, 90
 LEGS = [SMPL_JOINTS.index(f"{s}_{p}") for s in ("left", "right") for p in ("hip", "knee", "ankle")]

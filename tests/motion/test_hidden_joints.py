@@ -6,9 +6,8 @@ import numpy as np
 import torch
 
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.gauss_newton import gauss_newton, linearise
 from imocap_core.motion.prior import PosePrior, mixture
-from imocap_core.motion.solver.gauss_newton import gauss_newton
-from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.motion.terms import PoseCoupling, PosePriorTerm
 from imocap_core.motion.terms.base import Term

@@ -4,8 +4,7 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import JointAcceleration
 
 FPS = 30.0

@@ -3,10 +3,10 @@
 import torch
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.solver.objective import linearise
+from imocap_core.motion.gauss_newton import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import HingeLimits, Term
-from imocap_core.motion.terms.limits import HINGES
+from imocap_core.motion.terms.body_priors import HINGES
 from imocap_core.rotations import exp
 
 SLACK_RAD = 0.1

@@ -7,19 +7,15 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular import lifting
+from imocap_core.motion import gauss_newton as gauss_newton_module
+from imocap_core.motion.gauss_newton import gauss_newton, linearise, motions_at_once
+from imocap_core.motion.monocular import starts
 from imocap_core.motion.monocular.fit import monocular_terms
-from imocap_core.motion.monocular.library import make_library
-from imocap_core.motion.monocular.lifting import match
+from imocap_core.motion.monocular.starts import make_library, match
+from imocap_core.motion.normal import NormalEquations, solve_pentadiagonal
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver import gauss_newton as gauss_newton_module
-from imocap_core.motion.solver.gauss_newton import gauss_newton, motions_at_once
-from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.solver.objective import linearise
-from imocap_core.motion.solver.pentadiagonal import solve_pentadiagonal
-from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import in_time
+from imocap_core.motion.state import Body, MotionState
+from imocap_core.motion.terms import base
 from tests.motion.made import WEIGHTS, scene, wide_prior
 from tests.motion.test_normal import banded
 from tests.motion.test_solver import disturbed
@@ -40,7 +36,7 @@ def test_equations_in_pieces_are_those_of_the_whole(
 ) -> None:
     make = {**TERMS, "with_rigid_offsets": with_rigid_offsets}[name]
     whole = linearise([make(body, state)], state)
-    monkeypatch.setattr(in_time, "PIECE", 2)
+    monkeypatch.setattr(base, "PIECE", 2)
     parts = linearise([make(body, state)], state)
     for field in fields(NormalEquations):
         found, expected = getattr(parts, field.name), getattr(whole, field.name)
@@ -69,7 +65,7 @@ def test_one_long_motion_after_another_gives_the_same_steps(
         expected = gauss_newton(terms, start, max_steps=4, shared_globals=shared)
         with monkeypatch.context() as patch:
             patch.setattr(gauss_newton_module, "MOST_HELD", 12)
-            patch.setattr(in_time, "PIECE", 4)
+            patch.setattr(base, "PIECE", 4)
             found = gauss_newton(terms, start, max_steps=4, shared_globals=shared)
         assert found.costs == pytest.approx(expected.costs, rel=1e-10)
         assert torch.allclose(found.state.R_local, expected.state.R_local, atol=1e-9)
@@ -88,7 +84,7 @@ def test_frames_matched_in_blocks_have_the_same_candidates(
     xy = torch.as_tensor(rng.uniform(100, 300, (5, 25, 2)))
     weight = torch.as_tensor(rng.uniform(0.2, 1.0, (5, 25)))
     expected = match(library, xy, weight, count=4, sigma=0.1)
-    monkeypatch.setattr(lifting, "FRAMES", 2)
+    monkeypatch.setattr(starts, "FRAMES", 2)
     found = match(library, xy, weight, count=4, sigma=0.1)
     assert torch.allclose(found.cost, expected.cost)
     assert torch.allclose(found.R_local, expected.R_local)

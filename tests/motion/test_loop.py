@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.loop import RootedMotion, blend_offsets, looped
+from imocap_core.motion.motion_cleaning import RootedMotion, blend_offsets, looped
 
 T, FPS = 120, 30.0
 

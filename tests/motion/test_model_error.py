@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.posterior.model_error import (
+from imocap_core.motion.posterior_noise import (
     PLACE_SD_M,
     claimed_covariance_m2,
     claimed_rotation_sd,

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.mirror import TWINS
 from imocap_core.motion.monocular.fit import fit_monocular
 from imocap_core.motion.monocular.hypotheses import DISTINCT_M, alternatives, reversed_starts
-from imocap_core.motion.monocular.library import Library, make_library
-from imocap_core.motion.monocular.starts import start_at_joints
+from imocap_core.motion.monocular.starts import Library, make_library, start_at_joints
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import TWINS, MotionState
 from tests.motion.made import WEIGHTS, Made, scene
 
 DEPTH = torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)

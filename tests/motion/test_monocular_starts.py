@@ -7,10 +7,15 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.library import Library, make_library
-from imocap_core.motion.monocular.starts import MIN_JOINTS, fit_rotations_to_joints, start_at_motion
+from imocap_core.motion.monocular.starts import (
+    MIN_JOINTS,
+    Library,
+    fit_rotations_to_joints,
+    make_library,
+    start_at_motion,
+)
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import Body
 from imocap_core.rotations import exp, geodesic_angle
 
 

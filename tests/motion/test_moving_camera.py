@@ -7,9 +7,8 @@ import pytest
 import torch
 
 from imocap_core.camera.projection import project_camera
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.fit import stacked
-from imocap_core.motion.monocular.path_unit import estimate_path_unit, guessed_unit, with_unit
+from imocap_core.motion.gauss_newton import linearise
+from imocap_core.motion.monocular.fit import estimate_path_unit, guessed_unit, stacked, with_unit
 from imocap_core.motion.monocular.starts import Start
 from imocap_core.motion.multiview.common_keypoints import common_keypoints, offset_precision
 from imocap_core.motion.multiview.timeline import make_timeline
@@ -22,7 +21,7 @@ from imocap_core.motion.observations import (
     place_variance,
 )
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver.objective import linearise
+from imocap_core.motion.state import Body
 from imocap_core.motion.terms import Reprojection
 from imocap_core.motion.terms.view import project
 from imocap_core.params import FitParams

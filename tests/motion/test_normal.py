@@ -6,8 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.solver.normal import NormalEquations, solve_globals
-from imocap_core.motion.solver.pentadiagonal import solve_pentadiagonal
+from imocap_core.motion.normal import NormalEquations, solve_globals, solve_pentadiagonal
 from imocap_core.workers import on
 
 

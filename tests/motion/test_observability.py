@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.motion_posterior import MotionPosterior, motion_posterior
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import make_timeline
-from imocap_core.motion.posterior.azimuth import performer_axes
-from imocap_core.motion.posterior.motion_posterior import MotionPosterior, motion_posterior
-from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.observability import (
+from imocap_core.motion.observability import (
+    AZIMUTHS_DEG,
     ViewpointReport,
     angles_deg,
     near_pairs,
+    performer_axes,
     seen_across,
     view_directions,
     viewpoint_report,
     weak_spans,
 )
-from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
+from imocap_core.motion.posterior_noise import Noise
 from imocap_core.params import UncertaintyParams
 from tests.motion.made import WEIGHTS, Made, result_at, scene, wide_prior
 from tests.motion.test_smpl_ba import FRAMES, OPTIONS, in_own_axes

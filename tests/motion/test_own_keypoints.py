@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.motion.multiview.own_keypoints import FLOOR, unexplained
+from imocap_core.motion.multiview.repair import EXPLAINED_FLOOR, unexplained
 from tests.motion.made import Made, scene
 from tests.motion.test_smpl_ba import FRAMES, TURNS_DEG, disturbed, in_own_axes, whole
 
@@ -18,7 +18,9 @@ def made() -> Made:
 def test_the_true_motion_leaves_the_detector_s_noise_and_a_wrong_one_more(made: Made) -> None:
     truth = in_own_axes(made)
     left = [unexplained(whole(made), disturbed(truth, spread)) for spread in (0.0, 0.05, 0.15)]
-    assert left[0] < np.log(4 * FLOOR)  # noise, and the perspective that a scale does not tell
+    assert left[0] < np.log(
+        4 * EXPLAINED_FLOOR
+    )  # noise, and the perspective that a scale does not tell
     assert left[0] < left[1] < left[2]
 
 

@@ -7,23 +7,20 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.multiview.coupling import COUPLED, CouplingTargets, position_coupling
-from imocap_core.motion.multiview.deviation import (
-    LEAST_SPREAD_M,
-    finite_median,
-    pooled_spread_m,
-)
-from imocap_core.motion.multiview.offset_spread import initial_offset_sd
+from imocap_core.motion.gauss_newton import linearise
+from imocap_core.motion.multiview.low_rank import COUPLED, CouplingTargets, position_coupling
 from imocap_core.motion.multiview.per_video import (
     CONTACT_SCALE,
+    LEAST_SPREAD_M,
     deviation_terms,
+    finite_median,
     fit_deviations,
     foot_contact_term,
+    initial_offset_sd,
+    pooled_spread_m,
 )
 from imocap_core.motion.multiview.scene import DeviationSpread
-from imocap_core.motion.solver.objective import linearise
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import FootContact
 from imocap_core.params import MotionParams
 from imocap_core.rotations import exp

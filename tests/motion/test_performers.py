@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.consensus import mean_shapes
+from imocap_core.motion.motion_posterior import motion_posterior
+from imocap_core.motion.multiview.low_rank import mean_shapes
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.motion.posterior.motion_posterior import motion_posterior
-from imocap_core.motion.posterior.noise import Noise
+from imocap_core.motion.posterior_noise import Noise
 from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
 from tests.motion.made import FOCAL_PX, K, Made, mpjpe_mm, scene

@@ -7,29 +7,27 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.multiview.scene import JointMotion, Scene, per_video_terms
-from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.motion.posterior.common_posterior import (
+from imocap_core.motion.gauss_newton import linearise
+from imocap_core.motion.motion_posterior import (
     CommonEvidence,
     CommonPosterior,
-    common_evidence,
-    common_posterior,
-    with_common_motion,
-)
-from imocap_core.motion.posterior.joint_covariance import joint_jacobian, vector_covariance
-from imocap_core.motion.posterior.motion_posterior import motion_posterior, nearest_reference
-from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.per_video_posterior import (
     PerVideoFit,
     PosteriorPiece,
+    common_evidence,
+    common_posterior,
+    motion_posterior,
+    nearest_reference,
     per_video_fits,
     per_video_posterior,
+    with_common_motion,
 )
-from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.solver.objective import linearise
+from imocap_core.motion.multiview.scene import JointMotion, Scene, per_video_terms
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.posterior_noise import Noise, joint_jacobian, vector_covariance
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import Reprojection
-from imocap_core.motion.terms.tempered import Tempered
+from imocap_core.motion.terms.base import Tempered
 from imocap_core.params import UncertaintyParams
 from imocap_core.rotations import log
 from tests.motion.made import Made, mpjpe_mm, result_at, scene

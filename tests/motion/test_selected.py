@@ -4,15 +4,17 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.solver import selected
-from imocap_core.motion.solver.normal import solve_pentadiagonal
-from imocap_core.motion.solver.selected import InversePiece, selected_inverse
+from imocap_core.motion import selected_inversion
+from imocap_core.motion.normal import solve_pentadiagonal
+from imocap_core.motion.selected_inversion import InversePiece, selected_inverse
 from tests.motion.test_normal import banded
 
 N = 4
 
 
-def blocks(diagonal: Tensor, next1: Tensor, next2: Tensor, held: int = selected.HELD) -> Tensor:
+def blocks(
+    diagonal: Tensor, next1: Tensor, next2: Tensor, held: int = selected_inversion.HELD
+) -> Tensor:
     """(T, n, n) of the inverse."""
     pieces = [*selected_inverse(diagonal, next1, next2, held=held)]
     return torch.cat([piece.diagonal for piece in pieces[::-1]])
@@ -46,7 +48,7 @@ def test_repeated_elimination_changes_nothing(held: int, monkeypatch: pytest.Mon
     right = torch.randn(11, N, 2, dtype=torch.float64)
     system = diagonal[0], next1[0], next2[0], lambda t: right[t]
     (whole,) = selected_inverse(*system)
-    monkeypatch.setattr(selected, "PIECE", 2)
+    monkeypatch.setattr(selected_inversion, "PIECE", 2)
     pieces: list[InversePiece] = [*selected_inverse(*system, held=held)][::-1]
     assert [t for p in pieces for t in range(p.frames.start, p.frames.stop)] == [*range(11)]
     assert torch.equal(torch.cat([p.diagonal for p in pieces]), whole.diagonal)

@@ -3,7 +3,7 @@
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.terms.shape_prior import (
+from imocap_core.motion.terms.body_priors import (
     ShapePrior,
     hidden_directions,
     length_rates,

@@ -9,19 +9,19 @@ import torch
 
 from benchmarks.solver.adam import adam
 from benchmarks.solver.lbfgs import lbfgs
+from imocap_core.motion import gauss_newton as gauss_newton_module
+from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.monocular.fit import fit_monocular, monocular_terms
-from imocap_core.motion.monocular.library import make_library
-from imocap_core.motion.monocular.lifting import best_path, match
 from imocap_core.motion.monocular.starts import (
     Start,
+    best_path,
     lifted_starts,
+    make_library,
+    match,
     start_at_joints,
 )
 from imocap_core.motion.observations import Observation, person_size_px, without_jumps
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver import gauss_newton as gauss_newton_module
-from imocap_core.motion.solver.gauss_newton import gauss_newton
-from imocap_core.motion.solver.objective import linearise, linearise_halves, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
 from imocap_core.params import InitialSmplParams
@@ -96,7 +96,7 @@ def test_the_number_of_cores_changes_nothing(
     terms = monocular_terms(made.body, wide_prior(), seen, start.trans, WEIGHTS, 1.0)
     found = []
     for count in (1, 2):
-        monkeypatch.setattr("imocap_core.motion.solver.gauss_newton.cores", lambda n=count: n)
+        monkeypatch.setattr("imocap_core.motion.gauss_newton.cores", lambda n=count: n)
         found.append(gauss_newton(terms, start, max_steps=2, shared_globals=shared))
     assert torch.equal(found[0].state.R_local, found[1].state.R_local)
     assert found[0].costs == found[1].costs

@@ -8,10 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import mirror_indices
-from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.motion.multiview.swapped_sides import (
+from imocap_core.motion.multiview.repair import (
     LEGS,
     WHOLE,
     point_shares,
@@ -19,6 +16,8 @@ from imocap_core.motion.multiview.swapped_sides import (
     turning_frames,
     with_sides_of_others,
 )
+from imocap_core.motion.multiview.scene import Cameras, Scene
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import Timeline
 from imocap_core.motion.state import MotionState
 from imocap_core.rotations import exp

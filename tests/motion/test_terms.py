@@ -8,10 +8,9 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.gauss_newton import linearise, objective
 from imocap_core.motion.prior import mixture
-from imocap_core.motion.solver.objective import linearise, objective
-from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.state import FRAME_UNKNOWNS, Body, MotionState
 from imocap_core.motion.terms import (
     Balance,
     FocalPrior,
@@ -29,10 +28,9 @@ from imocap_core.motion.terms import (
     Term,
     View,
 )
-from imocap_core.motion.terms.foot_contact import foot_contact_share
-from imocap_core.motion.terms.rigid_offset import with_rigid_offset
-from imocap_core.motion.terms.view import project
-from imocap_core.motion.terms.view_residuals import whitened
+from imocap_core.motion.terms.contact import foot_contact_share
+from imocap_core.motion.terms.reprojection import whitened
+from imocap_core.motion.terms.view import project, with_rigid_offset
 from imocap_core.rotations import exp
 
 B, T, POINTS = 2, 5, 25

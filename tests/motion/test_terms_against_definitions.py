@@ -5,14 +5,18 @@ from dataclasses import fields, replace
 import torch
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.solver.objective import linearise
-from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
+from imocap_core.motion.gauss_newton import linearise
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, Body, MotionState
 from imocap_core.motion.terms import FootContact, JointEvidence, PoseSmoothness, Reprojection, Term
-from imocap_core.motion.terms.inner_solve import CONVERGED, INNER_STEPS, solve_rigid_offsets
-from imocap_core.motion.terms.rigid_offset import by_rigid_offset, with_rigid_offset
-from imocap_core.motion.terms.view import View, project, projection_jacobian
+from imocap_core.motion.terms.reprojection import CONVERGED, INNER_STEPS, solve_rigid_offsets
+from imocap_core.motion.terms.view import (
+    View,
+    by_rigid_offset,
+    project,
+    projection_jacobian,
+    with_rigid_offset,
+)
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
 from tests.motion.test_terms import (

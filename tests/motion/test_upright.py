@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from imocap_core.camera.gravity import FilmedBody
-from imocap_core.motion.monocular.upright import arms_above_support, balance_terms
+from imocap_core.motion.monocular.fit import arms_above_support, balance_terms
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Balance
 from imocap_core.params import FitParams

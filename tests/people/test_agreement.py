@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.people.agreement import (
+from imocap_core.people.performer import (
     SeenMotion,
     choose_by_agreement,
     pose_set_distances_m,
@@ -77,7 +77,7 @@ def test_all_ways_and_one_at_a_time_agree(monkeypatch: pytest.MonkeyPatch) -> No
     poses = [[view_of(7, 0), view_of(1, 1)], [view_of(1, 2), view_of(6, 3)], [view_of(1, 4)],
              [view_of(5, 5), view_of(1, 6)]]  # fmt: skip
     every = choose_by_agreement(scores, poses)
-    monkeypatch.setattr("imocap_core.people.agreement.MAX_COMBINATIONS", 1)
+    monkeypatch.setattr("imocap_core.people.performer.MAX_COMBINATIONS", 1)
     assert every == choose_by_agreement(scores, poses) == [1, 0, 0, 1]
 
 

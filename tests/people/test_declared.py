@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from imocap_core.people.declared import FramePlace, declared_performer, row_at_place, row_of_number
-from imocap_core.people.performer import ranked_tracks
+from imocap_core.people.performer import (
+    FramePlace,
+    declared_performer,
+    ranked_tracks,
+    row_at_place,
+    row_of_number,
+)
 
 SHAPE = np.random.default_rng(0).uniform(-1, 1, (17, 2)) * [25, 60]
 

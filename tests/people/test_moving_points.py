@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from imocap_core.people.moving_points import Agreement
+from imocap_core.people.shot_boundaries import Agreement
 
 RNG = np.random.default_rng(0)
 SCENE = RNG.integers(0, 255, (60, 80), dtype=np.uint8).repeat(4, 0).repeat(4, 1)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.people.shots import best_correlation, find_cuts, thumbnail
+from imocap_core.people.shot_boundaries import best_correlation, find_cuts, thumbnail
 
 
 def place(seed: int) -> np.ndarray:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
-from imocap_core.runs import runs
+from imocap_core.people.left_right import limbs_of, swap_sides, swapped_frames
+from imocap_core.sequences import runs
 
 NAMES = layout_names("coco17")
 FPS = 30.0

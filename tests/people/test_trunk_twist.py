@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.people.sides import limbs_of
-from imocap_core.people.trunk_twist import swapped_arms_and_legs
+from imocap_core.people.left_right import limbs_of, swapped_arms_and_legs
 
 NAMES = layout_names("coco17")
 ARMS, LEGS = limbs_of(NAMES)[:2]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from imocap_core.io.video import write_h264
-from imocap_core.pick.pick import picking
+from imocap_core.pick.server import picking
 from tests.pick.made import Asker
 
 FRAMES, SIZE, FPS = 40, (320, 180), 20.0

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from imocap_core.errors import WorkFailed
-from imocap_core.pick.action_file import ActionFile, ChangedElsewhere
 from imocap_core.pick.edits import AddAnchorEdit, Edit, FramesEdit, MirroredEdit
+from imocap_core.pick.session import ActionFile, ChangedElsewhere
 
 TEXT = """\
 name: made   # mine

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from imocap_core.errors import WorkFailed
-from imocap_core.pick.changes import apply_edits
-from imocap_core.pick.edits import Edit
-from imocap_core.pipeline.edited_yaml import edited_text
+from imocap_core.pick.edits import Edit, apply_edits
+from imocap_core.pipeline.yaml_file import edited_text
 
 EDITS = TypeAdapter(list[Edit])
 COUNTS = {"v1": 90, "v2": 100, "v3": 50}

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.pick.guard import MOST_BYTES
-from imocap_core.pick.pick import picking
+from imocap_core.pick.server import MOST_BYTES, picking
 from tests.pick.conftest import working_folder
 from tests.pick.made import Asker
 

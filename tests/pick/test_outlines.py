@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.pick.outlines import outline
+from imocap_core.pick.media import outline
 from tests.pipeline.test_people import PERFORMER, tracked
 
 COCO = layout_names("coco17")
@@ -35,7 +35,7 @@ def test_joints_that_are_missing_leave_one_polygon() -> None:
 def test_frames_are_those_of_the_file() -> None:
     from dataclasses import replace
 
-    from imocap_core.pick.outlines import outlines_of
+    from imocap_core.pick.media import outlines_of
 
     video = tracked("v1", PERFORMER)
     late = outlines_of(replace(video, frames=video.frames + 100))

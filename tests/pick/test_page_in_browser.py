@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from imocap_core.pick.pick import picking
+from imocap_core.pick.server import picking
 from tests.pick.conftest import CUT, FRAMES
 from tests.report.browser import CHROMIUM, Browser
 

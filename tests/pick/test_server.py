@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.pick.pick import open_session, picking
+from imocap_core.pick.server import open_session, picking
 from tests.pick.conftest import CUT, FRAMES, SIZE
 from tests.pick.made import Asker
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from imocap_core.pipeline.allowed_scripts import VARIABLE
+from imocap_core.pipeline.graph import VARIABLE
 from imocap_core.pipeline.source import PROJECT
 
 HEAD = """

@@ -26,7 +26,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.artifacts.store import Store
 from imocap_core.body import load_free_body
-from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.body.model import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.export.formats import Exported, export
 from imocap_core.library.result import Result

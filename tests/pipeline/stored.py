@@ -11,11 +11,11 @@ import yaml
 
 from imocap_core.artifacts.schemas import Evaluate, Hands, Keypoints, Table
 from imocap_core.artifacts.schemas.base import Artifact
-from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.keys import recipe
 from imocap_core.pipeline.runner import Job
-from imocap_core.report.files import CONTENTS
+from imocap_core.report.table_files import CONTENTS
 from imocap_core.workspace import Workspace
 from tests.report.made import FPS, SIZE, Made
 

@@ -6,8 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
-from imocap_core.camera.lens import Lens
-from imocap_core.camera.projection import intrinsics, warp
+from imocap_core.camera.projection import Lens, intrinsics, warp
 from imocap_core.io.video import write_h264
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.action import Action, Declaration

@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
-from imocap_core.compare.angles import pair_angles
-from imocap_core.compare.compare import describe, pair_of, pair_on_one_axis
-from imocap_core.compare.pair_report import write_pair
-from imocap_core.compare.report import mean_clip, write_technique
-from imocap_core.compare.sources import compared_moments, performances_of, performers_of, several
-from imocap_core.compare.words import largest, pair_findings
+from imocap_core.compare.compare import (
+    compared_moments,
+    describe,
+    pair_angles,
+    pair_of,
+    pair_on_one_axis,
+    performances_of,
+    performers_of,
+    several,
+)
+from imocap_core.compare.parts import largest, pair_findings
+from imocap_core.compare.technique_report import mean_clip, write_pair, write_technique
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams
 from tests.pipeline.made_result import PHASES, Made, keypoints, made_result, refined

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints
-from imocap_core.compare.angles import pair_angles
-from imocap_core.compare.compare import describe, pair_on_one_axis
-from imocap_core.compare.page import pair_page
-from imocap_core.compare.sources import performances_of
-from imocap_core.compare.words import pair_findings
+from imocap_core.compare.compare import describe, pair_angles, pair_on_one_axis, performances_of
+from imocap_core.compare.parts import pair_findings
+from imocap_core.compare.technique_report import pair_page
 from tests.pipeline.made_result import PHASES, keypoints, made_result, refined
 from tests.pipeline.test_compare import swung
 from tests.report.browser import CHROMIUM, Browser

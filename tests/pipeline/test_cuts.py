@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.problem.cuts import advice
+from imocap_core.adapters.tracked_people import advice
 
 FRAMES = np.arange(10, 100)
 

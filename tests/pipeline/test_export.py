@@ -24,11 +24,11 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.artifacts.store import Store
-from imocap_core.camera.ground import BALL_ABOVE_SOLE_M
+from imocap_core.camera.gravity import BALL_ABOVE_SOLE_M
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
 from imocap_core.export.formats import export
-from imocap_core.io.estimators.smpl_npz import read_smpl_npz
+from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.library.result import Result
 from imocap_core.pipeline.action import Action
 from tests.made_keypoints import made_keypoints

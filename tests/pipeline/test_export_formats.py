@@ -17,14 +17,13 @@ from mcap.reader import make_reader
 
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.body import load_free_body
-from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.body.model import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.blender.characters import FORMATS as OF_BLENDER
-from imocap_core.export.characters import linear
-from imocap_core.export.clips import camera_of
+from imocap_core.export.blender import FORMATS as OF_BLENDER
+from imocap_core.export.clips import camera_of, linear
+from imocap_core.export.export_options import ExportOptions
 from imocap_core.export.formats import WRITERS, export
-from imocap_core.export.options import ExportOptions
 from imocap_core.io.video import write_h264
 from imocap_core.result.result import Time
 from tests.pipeline.made_result import (

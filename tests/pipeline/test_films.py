@@ -9,7 +9,7 @@ import pytest
 
 from imocap_core.cli import main
 from imocap_core.errors import WorkFailed
-from imocap_core.film.action_films import films_of, write_films
+from imocap_core.film import films_of, write_films
 from imocap_core.io.video import probe
 from imocap_core.library.result import Result
 from imocap_core.pipeline.runner import Job

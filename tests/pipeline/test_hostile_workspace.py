@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.store import Store
-from imocap_core.pipeline.allowed_scripts import VARIABLE
-from imocap_core.whole_files import appearing
+from imocap_core.files import appearing
+from imocap_core.pipeline.graph import VARIABLE
 
 if TYPE_CHECKING:
     import pytest

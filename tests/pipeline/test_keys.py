@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.keys import differences
-from imocap_core.pipeline.recipe import Recipe
+from imocap_core.pipeline.source import content_digest
+from imocap_core.pipeline.stage import Recipe
 
 RECIPE = Recipe(
     code={"stages.sync": "c1", "imocap_core.sync.warp.dtw": "c2"},

@@ -12,7 +12,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import Uncertainty
 from imocap_core.artifacts.store import Store
-from imocap_core.library.progress import displaying
+from imocap_core.library.api_errors import displaying
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.stage import Inputs
 from imocap_core.process import keep_freed_memory
@@ -22,7 +22,7 @@ from tests.report.made import Made
 
 RELEASED = """
 import numpy as np
-from imocap_core.peak_memory import peak_bytes, restart_peak
+from imocap_core.process import peak_bytes, restart_peak
 from imocap_core.process import keep_freed_memory, release_freed_memory
 keep_freed_memory()
 arrays = [np.ones(100_000) for _ in range(200)]

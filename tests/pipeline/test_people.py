@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from imocap_core.adapters.tracked_people import TrackedVideo, choose_performers, track_people
 from imocap_core.body import load_free_body
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import KeypointsParams
-from imocap_core.pipeline.person import Person
-from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, track_people
+from imocap_core.pipeline.action import Person
 from imocap_core.rotations import exp
 
 SIZE, FPS, FRAMES = (1280, 720), 30.0, 60
@@ -118,7 +118,7 @@ def test_a_person_is_named_in_one_way(given: dict[str, object], message: str) ->
 def test_by_default_sides_are_put_back_for_detectors_that_swap_them(
     layouts: tuple[str, ...], frames: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("imocap_core.problem.tracked_people.SWAPPING_LAYOUTS", layouts)
+    monkeypatch.setattr("imocap_core.adapters.tracked_people.SWAPPING_LAYOUTS", layouts)
     wrong = PERFORMER.copy()
     for left, right in ((11, 12), (13, 14), (15, 16)):
         wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]

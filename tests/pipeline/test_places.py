@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from imocap_core.pipeline.action import Declaration
-from imocap_core.pipeline.places import leads_outside, placed
+from imocap_core.pipeline.action import Declaration, leads_outside, placed
 
 
 def video(name: str, path: str, **more: str) -> Declaration:

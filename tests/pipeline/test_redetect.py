@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imocap_core.adapters.redetection import SecondLook
 from imocap_core.artifacts.schemas import Redetect
 from imocap_core.body.layouts import layout_names
-from imocap_core.detect.again import KnownPlaces
+from imocap_core.detect.detection_again import KnownPlaces
 from imocap_core.errors import WorkFailed
 from imocap_core.params import Params, RedetectParams
-from imocap_core.pipeline.stage import Inputs
-from imocap_core.pipeline.stage_call import in_a_sentence
-from imocap_core.problem.looked_again import SecondLook
+from imocap_core.pipeline.stage import Inputs, in_a_sentence
 from stages import redetect
 from tests.problem.test_looked_again import hit, problem
 from tests.report.made import LAYOUT, Made

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from imocap_core.library.new_action import new_action
-from imocap_core.pipeline.action import Action, Declaration
-from imocap_core.pipeline.repeated_files import repeated_files
+from imocap_core.pipeline.action import Action, Declaration, repeated_files
 from tests.io.made_videos import write_video
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from imocap_core.artifacts.schemas import SmplBa
 from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.generation import record, seconds_of, timing_table
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
-from imocap_core.pipeline.timings import record, seconds_of, timing_table
 from imocap_core.report.action_report import (
     SINGLE,
     complete,

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.store import Store
-from imocap_core.library.progress import displaying
+from imocap_core.library.api_errors import displaying
 from imocap_core.pipeline.runner import Outcome, run
 from imocap_core.workspace import Workspace
 

@@ -10,7 +10,7 @@ import yaml
 
 from imocap_core.pipeline.source import PROJECT, closure
 
-READERS = {"imocap_core.io.truth", "imocap_core.io.pose2sim_truth"}
+READERS = {"imocap_core.io.truth"}
 GRAPH = yaml.safe_load((PROJECT / "pipeline.yaml").read_text())["stages"]
 BEFORE = [PROJECT / spec["script"] for name, spec in GRAPH.items() if name != "evaluate"]
 

@@ -9,21 +9,20 @@ import pytest
 import torch
 from numpy.linalg import inv
 
+from imocap_core.adapters.estimates import estimate_of
+from imocap_core.adapters.even_moments import camera_at_used_frames, nearest_used
+from imocap_core.adapters.hints import hints_of
+from imocap_core.adapters.synchronisation import synchronise_joints
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.body.layouts import layout_names
-from imocap_core.camera.motion import static_camera
+from imocap_core.camera.camera_motion import static_camera
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.evaluate.truth import action_truth
-from imocap_core.frame_times import even_moments, points_at_moments
+from imocap_core.diagnostics.detection_findings import detection_findings
+from imocap_core.evaluate.scoreboard import action_truth
 from imocap_core.io.video import probe
-from imocap_core.pipeline.action import Action, Declaration
-from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
+from imocap_core.pipeline.action import Action, AnchorEntry, Declaration, ForbiddenEntry
 from imocap_core.pipeline.stage import Context
-from imocap_core.problem.estimates import estimate_of
-from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
-from imocap_core.problem.hints import hints_of
-from imocap_core.problem.synchronisation import synchronise_joints
-from imocap_core.verdict.detections import detection_findings
+from imocap_core.sequences import even_moments, points_at_moments
 from tests.io.made_times import write_timed
 from tests.pipeline.test_keypoints import run
 from tests.sync.test_synchronise import PARAMS, pose_at

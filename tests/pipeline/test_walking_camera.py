@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
 from benchmarks.synthetic.walking_cameras import CameraWalk
+from imocap_core.adapters import camera_motion as moving_camera
 from imocap_core.alignment import similarity
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.io.video import write_h264
@@ -14,7 +15,6 @@ from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem import moving_camera
 from stages import camera_motion
 
 SIZE = (400, 226)

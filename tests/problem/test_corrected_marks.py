@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from imocap_core.adapters.detected_people import with_corrected_marks
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.body.layouts import layout_names
-from imocap_core.problem.performer_keypoints import with_corrected_marks
 from tests.made_keypoints import made_keypoints
 
 FRAMES = 5

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imocap_core.adapters.detected_people import tracked_video
+from imocap_core.adapters.tracked_people import shot_inside
 from imocap_core.io.video import write_h264
 from imocap_core.params import KeypointsParams
 from imocap_core.pipeline.action import Declaration
-from imocap_core.problem.cuts import shot_inside
-from imocap_core.problem.tracked_video import tracked_video
 from tests.io import made_keypoints as made
 
 COUNT = 40

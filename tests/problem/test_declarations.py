@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imocap_core.adapters.detected_people import _used_frames
+from imocap_core.adapters.keypoint_reading import (
+    at_declared_rate,
+    check_declared,
+    check_fits_picture,
+)
 from imocap_core.io.video import VideoInfo
 from imocap_core.pipeline.action import Declaration
-from imocap_core.problem.declarations import at_declared_rate, check_declared, check_fits_picture
-from imocap_core.problem.detected_people import _used_frames
 
 FILE = Path("action.yaml")
 VIDEO = VideoInfo(29.97, (640, 360), 100)

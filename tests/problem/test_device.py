@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 import torch
 
+from imocap_core.adapters.monocular import SingleVideo, fit_single_video
 from imocap_core.artifacts.codec import pack
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.body import load_free_body
-from imocap_core.evaluate.body_points import posed_body
-from imocap_core.evaluate.surface import measure_surfaces, surface_mesh
+from imocap_core.evaluate.scoreboard import posed_body
+from imocap_core.evaluate.whole_body_scores import measure_surfaces, surface_mesh
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Inputs
-from imocap_core.problem.single_video import SingleVideo, fit_single_video
 from stages import hands, refine_sync, uncertainty
 from tests.pretended_cuda import Pretended, pretended_cuda
 from tests.problem.test_hands import seen

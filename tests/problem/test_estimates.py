@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 import torch
 
+from imocap_core.adapters.estimates import estimate_of
+from imocap_core.adapters.monocular import starts
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layouts
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.io.detectors.by_name import FORMATS
-from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.library import make_library
+from imocap_core.io.readers.keypoint_readers import FORMATS
+from imocap_core.io.readers.smpl_estimators import JOINT_READERS, ROTATIONS
+from imocap_core.motion.monocular.starts import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import Body
 from imocap_core.params import InitialSmplParams
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.stage import Context
-from imocap_core.problem.estimates import estimate_of
-from imocap_core.problem.starts import starts
 from imocap_core.rotations import exp
 from tests.io import made_estimates as made
 
@@ -100,7 +100,7 @@ def test_frames_without_an_estimate_lie_between_their_neighbours(tmp_path: Path)
 
 
 def test_what_action_yaml_may_name_is_read_and_nothing_else_is() -> None:
-    assert set(get_args(InitialFormat)) == {"smpl_npz", *JOINTS, *ROTATIONS}
+    assert set(get_args(InitialFormat)) == {"smpl_npz", *JOINT_READERS, *ROTATIONS}
     assert set(get_args(DetectionFormat)) == set(FORMATS)
     assert set(get_args(Layout)) <= set(layouts())
 

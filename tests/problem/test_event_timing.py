@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from imocap_core.adapters.hints import with_one_offset
 from imocap_core.artifacts.schemas import SyncMap, SyncTrust, VideoTrust
-from imocap_core.problem.event_timing import with_one_offset
 from tests.report.made import Made
 
 FRAMES = 40

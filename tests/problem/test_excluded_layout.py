@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
+from imocap_core.adapters.joint import problem_of
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.params import Params
-from imocap_core.problem.joint import problem_of
 from tests.report.made import Made
 
 

@@ -19,10 +19,10 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import load_free_body
-from imocap_core.evaluate.hands import hand_rows
+from imocap_core.evaluate.action_scores import hand_rows
 from imocap_core.io.truth import Truth, VideoTruth
 from imocap_core.params import Params
-from imocap_core.report.hand_tables import hand_tables
+from imocap_core.report.tables import hand_tables
 from imocap_core.rotations import exp
 from stages.hands import run
 from tests.report.made import K, Made

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imocap_core.adapters.hints import hints_of
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.action import Action, read_action
+from imocap_core.pipeline.action import Action, AnchorEntry, ForbiddenEntry, read_action
 from imocap_core.pipeline.graph import read_pipeline, settings
-from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
 from imocap_core.pipeline.keys import recipe
-from imocap_core.problem.hints import hints_of
 from imocap_core.sync import Anchor
 from tests.sync.test_stage import made
 

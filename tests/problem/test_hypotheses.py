@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from imocap_core.adapters.hypotheses import choose_alternatives, chosen_motions
+from imocap_core.adapters.joint import problem_of
 from imocap_core.artifacts.schemas import AlternativeMotion
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.problem.hypotheses import choose_alternatives, chosen_motions
-from imocap_core.problem.joint import problem_of
 from tests.report.made import Made
 
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.artifacts.schemas import SmplBa, SyncMap, SyncTrust, VideoTrust
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
-from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.motion.multiview.swapped_sides import LEGS
-from imocap_core.params import FitParams, MotionParams
-from imocap_core.problem.joint import JointProblem, problem_of, shows_one_motion
-from imocap_core.problem.mirroring import (
+from imocap_core.adapters.joint import JointProblem, problem_of, shows_one_motion
+from imocap_core.adapters.participants import (
     mirrored_detections,
     mirrored_keypoints,
     mirrored_motion,
 )
+from imocap_core.artifacts.schemas import SmplBa, SyncMap, SyncTrust, VideoTrust
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.multiview.repair import LEGS
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.params import FitParams, MotionParams
 from tests.report.made import K, Made
 
 
@@ -167,8 +167,8 @@ def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
     given = problem(made)
     before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
     again = replace(before, status="again")
-    monkeypatch.setattr("imocap_core.problem.joint.recover_motion", lambda *_, **__: again)
+    monkeypatch.setattr("imocap_core.adapters.joint.recover_motion", lambda *_, **__: again)
     answers = iter([left, -2.0])
-    monkeypatch.setattr("imocap_core.problem.joint.unexplained", lambda *_: next(answers))
+    monkeypatch.setattr("imocap_core.adapters.joint.unexplained", lambda *_: next(answers))
     final = given.solved_afresh(made.sync, before, lambda what: None)
     assert final is (again if counts else None)

@@ -9,12 +9,11 @@ import av
 import numpy as np
 import pytest
 
+from imocap_core.adapters.keypoint_reading import Reading, between_people, reading_of
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices
-from imocap_core.io.detectors.people import DetectedPeople
+from imocap_core.io.readers.people import DetectedPeople
 from imocap_core.io.video import probe
-from imocap_core.problem.keypoint_reading import Reading, reading_of
-from imocap_core.problem.people_between import between_people
 
 WIDTH, HEIGHT, COUNT = 320, 240, 60
 LAYOUT = "coco17"

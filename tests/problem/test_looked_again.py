@@ -5,6 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imocap_core.adapters.redetection import (
+    ContradictedVideo,
+    SecondLook,
+    contradicted_videos,
+    redetected,
+    with_redetected,
+)
 from imocap_core.artifacts.schemas import (
     CorrectedMarks,
     Keypoints,
@@ -14,14 +21,7 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.body.layouts import layout_names
-from imocap_core.motion.multiview.limbs_of_others import SURE
-from imocap_core.problem.looked_again import (
-    ContradictedVideo,
-    SecondLook,
-    contradicted_videos,
-    redetected,
-    with_redetected,
-)
+from imocap_core.motion.multiview.keypoint_evidence import SURE
 from tests.problem.test_joint import problem
 from tests.report.made import Made
 

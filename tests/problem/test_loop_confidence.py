@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from imocap_core.adapters.joint import is_one_motion
+from imocap_core.adapters.loop_sync import with_first_repetitions, with_independent_confidence
 from imocap_core.artifacts.schemas import Sync, SyncMap, SyncTrust, VideoTrust
 from imocap_core.motion.multiview.scene import DeviationSpread
-from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
-from imocap_core.problem.one_motion import is_one_motion
 from tests.made_sync import stored_matrix
 
 

@@ -10,15 +10,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from imocap_core.adapters.joint import JointProblem, problem_of
+from imocap_core.adapters.loop_sync import LoopBeginning, LoopSync
+from imocap_core.adapters.synchronisation import summary_of
 from imocap_core.artifacts.schemas import Sync, SyncSummary
 from imocap_core.motion.multiview.alternation import LoopRound
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.params import Params
-from imocap_core.params.motion import RefineParams
+from imocap_core.params.motion_params import RefineParams
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.joint import JointProblem, problem_of
-from imocap_core.problem.loop_sync import LoopBeginning, LoopSync
-from imocap_core.problem.synchronisation import summary_of
 from imocap_core.sync import Hints
 from stages import refine_sync
 from tests.report.made import Made

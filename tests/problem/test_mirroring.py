@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.artifacts.schemas import Camera
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.problem.mirroring import (
+from imocap_core.adapters.participants import (
     Participants,
     known_mirrors,
     mirrored_camera,
@@ -18,6 +16,8 @@ from imocap_core.problem.mirroring import (
     mirrored_motion,
     participants_of,
 )
+from imocap_core.artifacts.schemas import Camera
+from imocap_core.conventions import SMPL_JOINTS
 from tests.report.made import K, Made
 
 

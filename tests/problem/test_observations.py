@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from imocap_core.adapters.observations import fit_of, fit_of_single_views, noise_share_of
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.params import FitParams
-from imocap_core.problem.observations import fit_of, fit_of_single_views, noise_share_of
 from tests.made_keypoints import made_keypoints
 
 

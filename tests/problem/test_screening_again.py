@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from imocap_core.adapters.loop_sync import decided_again
+from imocap_core.adapters.participants import mirrored_keypoints
+from imocap_core.adapters.synchronisation import screening_of_motions
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
-from imocap_core.motion.mirror import mirrored_joints
+from imocap_core.motion.state import mirrored_joints
 from imocap_core.params import SyncParams
-from imocap_core.problem.mirroring import mirrored_keypoints
-from imocap_core.problem.screening_again import decided_again
-from imocap_core.problem.synchronisation import screening_of_motions
 from imocap_core.sync import Hints
-from imocap_core.sync.screening.messages import corrected, sentences
-from imocap_core.sync.screening.screening import Screening
+from imocap_core.sync.screening.screening import Screening, corrected, sentences
 from tests.report.made import K, Made
 
 FRAMES = 50

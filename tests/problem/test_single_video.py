@@ -7,17 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imocap_core.adapters.monocular import ANY, SingleVideo, fit_single_video, joined, least_cost
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.schemas import AlternativeMotion, InitialSmpl, StartFit
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
-from imocap_core.problem.single_video import (
-    ANY,
-    SingleVideo,
-    fit_single_video,
-    joined,
-    least_cost,
-)
 from tests.report.made import Made
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from imocap_core.adapters.hints import event_sound, with_sound
 from imocap_core.artifacts.schemas import Keypoints
-from imocap_core.io.sound import read_sound
-from imocap_core.problem.sound import event_sound, with_sound
+from imocap_core.io.video import read_sound
 from imocap_core.sync import Anchor, Hints
 from tests.io.made_sound import RATE, event, loop, recorded, write_film
 from tests.report.made import Made

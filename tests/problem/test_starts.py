@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from benchmarks.lifter.measure import LifterRow, markdown, write_table
+from imocap_core.adapters.monocular import lifted_joints, starts
 from imocap_core.artifacts.schemas import VideoCameraMotion, VideoKeypoints
 from imocap_core.body import load_free_body
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
-from imocap_core.metrics.joints import root_relative
-from imocap_core.metrics.position import pa_mpjpe_mm
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.library import make_library
+from imocap_core.metrics.position import pa_mpjpe_mm, root_relative
+from imocap_core.motion.monocular.starts import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import Body
 from imocap_core.params import InitialSmplParams
-from imocap_core.problem.starts import lifted_joints, starts
 from tests.made_keypoints import made_keypoints
 from tests.pipeline.test_people import figure
 

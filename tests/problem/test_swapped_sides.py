@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from imocap_core.adapters.monocular import with_sides
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.observations import Observation
-from imocap_core.problem.swapped_sides import with_sides
 
 FRAMES, FIRST, END, REACH = 20, 8, 15, 2
 NAMES = layout_names("coco17")

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from imocap_core.artifacts.schemas import Sync, SyncMap
-from imocap_core.problem.sync_maps import (
+from imocap_core.adapters.sync_maps import (
     LEFT_OUT,
     affinity_between,
     maps_of,
     nearest_by_affinity,
     stored_affinities,
 )
-from imocap_core.sync.affinities import Affinities
+from imocap_core.artifacts.schemas import Sync, SyncMap
+from imocap_core.sync.affinity import Affinities
 from tests.made_sync import stored_matrix
 
 IDS, LENGTHS = ["a", "b", "c"], [70, 40, 33]

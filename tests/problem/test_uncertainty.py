@@ -10,6 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imocap_core.adapters.participants import (
+    mirrored_camera,
+    mirrored_detections,
+    mirrored_keypoints,
+    mirrored_motion,
+)
+from imocap_core.adapters.uncertainty import lasting_errors_m
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -18,18 +25,10 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     Uncertainty,
 )
-from imocap_core.biomechanics.joint_angles import ANATOMICAL_JOINTS
-from imocap_core.biomechanics.rotation_jacobian import mirrored_rotation_covariance
-from imocap_core.motion.mirror import mirrored_covariance
+from imocap_core.biomechanics.joint_angles import ANATOMICAL_JOINTS, mirrored_rotation_covariance
+from imocap_core.motion.state import mirrored_covariance
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Inputs
-from imocap_core.problem.mirroring import (
-    mirrored_camera,
-    mirrored_detections,
-    mirrored_keypoints,
-    mirrored_motion,
-)
-from imocap_core.problem.uncertainty import lasting_errors_m
 from stages.uncertainty import run
 from tests.report.made import Made
 

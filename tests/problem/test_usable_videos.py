@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.problem.usable_videos import Faults, left_out_videos, of_usable
+from imocap_core.adapters.tracked_people import Faults, left_out_videos, of_usable
 
 
 def solve(video: str) -> str:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imocap_core.adapters.detected_people import survey_video
 from imocap_core.io import video
-from imocap_core.problem.video_survey import survey_video
 from tests.io.damaged_video import FPS, SIZE, write_damaged
 
 FRAMES = np.arange(100)

@@ -6,7 +6,7 @@ import torch
 
 from imocap_core import rotations
 from imocap_core.body import load_free_body
-from imocap_core.render.body_views import (
+from imocap_core.render import (
     GROUND_RGB,
     PAPER_RGB,
     SEGMENT_RGB,

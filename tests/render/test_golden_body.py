@@ -9,7 +9,7 @@ import torch
 from imocap_core import rotations
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.render.body_views import VIEWS, common_scale, draw_view, heading_of, segment_colors
+from imocap_core.render import VIEWS, common_scale, draw_view, heading_of, segment_colors
 
 GOLDEN = Path(__file__).parent / "golden" / "body.png"
 SIZE = (120, 150)

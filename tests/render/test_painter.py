@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.body import load_free_body
-from imocap_core.render import Light, draw_mesh
-from imocap_core.render.painter import paint_mesh
+from imocap_core.render import Light, draw_mesh, paint_mesh
 from tests.render.test_render import FLAT, sphere
 
 K = np.array([[80.0, 0.0, 31.5], [0.0, 80.0, 23.5], [0.0, 0.0, 1.0]])

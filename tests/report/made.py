@@ -28,7 +28,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.evaluate.body_points import body_points
+from imocap_core.evaluate.scoreboard import body_points
 from imocap_core.io.truth import model_text
 from tests.made_keypoints import made_keypoints
 from tests.made_sync import stored_matrix

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.figures.body_sheet import body_sheet, sheet_ids, upright_world
-from imocap_core.figures.contact_sheets import sheet_videos
 from imocap_core.figures.overlays import blank_cell
+from imocap_core.figures.sheets import body_sheet, sheet_ids, sheet_videos, upright_world
 from imocap_core.figures.style import quiet
 from tests.report.made import Made
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.artifacts.schemas import Camera, SyncSummary
-from imocap_core.evaluate.camera_scores import FOCAL, PLACE, ROTATION, camera_rows
+from imocap_core.evaluate.scoreboard import FOCAL, PLACE, ROTATION, camera_rows
 from imocap_core.io.truth import Truth, VideoTruth
 
 IDS = ("v1", "v2", "v3", "v4")

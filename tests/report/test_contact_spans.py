@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.viewer.contacts import contact_spans
+from imocap_core.viewer.viewer_scene import contact_spans
 
 
 def test_contacts_are_on_the_common_axis() -> None:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from imocap_core.figures.cycle_figure import cycle_figure
-from imocap_core.figures.cycle_trip import chosen_trip, cycle_frames, cycle_starts, round_trip
 from imocap_core.figures.overlays import CELL_PX
+from imocap_core.figures.page_figures import (
+    chosen_trip,
+    cycle_figure,
+    cycle_frames,
+    cycle_starts,
+    round_trip,
+)
 from imocap_core.figures.style import quiet
 from tests.report.made import Made
 

@@ -12,7 +12,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import Evaluate, Hands
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
-from imocap_core.report.files import read_contents
+from imocap_core.report.table_files import read_contents
 from stages.evaluate import run
 from tests.report.made import Made
 

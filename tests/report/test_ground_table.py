@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import GroundPlane
-from imocap_core.report.ground_table import ground_tables
+from imocap_core.report.tables import ground_tables
 from tests.report.made import Made
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from imocap_core.adapters.lenses import lens_words, lenses_of
 from imocap_core.artifacts.schemas import CameraMotion, LensDistortion
-from imocap_core.problem.lenses import lens_words, lenses_of
+from imocap_core.diagnostics.detection_findings import camera_findings
 from imocap_core.report.tables import video_table
-from imocap_core.verdict.detections import camera_findings
 from tests.report.made import SIZE, K, Made
 
 

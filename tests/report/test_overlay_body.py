@@ -12,18 +12,18 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.camera.lens import Lens
-from imocap_core.film.overlay_body import (
+from imocap_core.camera.projection import Lens
+from imocap_core.film import (
     NEUTRAL_RGB,
     OverlayBody,
     Painter,
     overlay_bodies,
+    overlay_film,
     projections,
     source_frames,
 )
-from imocap_core.film.overlay_film import overlay_film
 from imocap_core.io.video import write_h264
-from imocap_core.viewer.pictures import cutter
+from imocap_core.viewer.viewer_video import cutter
 from tests.report.made import FPS, SIZE, K, Made
 
 

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import SyncMap
-from imocap_core.figures.bodies import surfaces
-from imocap_core.figures.contact_sheets import frames_of_moments, spread
 from imocap_core.figures.overlays import (
     CELL_PX,
     LEFT_RGB,
@@ -22,6 +20,7 @@ from imocap_core.figures.overlays import (
     from_the_side,
     windows,
 )
+from imocap_core.figures.sheets import frames_of_moments, spread, surfaces
 from tests.report.made import K, Made
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import SyncTrust
-from imocap_core.artifacts.schemas.sync import VideoTrust
+from imocap_core.artifacts.schemas.sync_schemas import VideoTrust
 from imocap_core.figures.sync_summary import common_moments
-from imocap_core.film.phase_bar import HEAD_PX, SIDE_PX, framed, lock_step, phase_bar
-from imocap_core.film.side_by_side import synced_videos
+from imocap_core.film import HEAD_PX, SIDE_PX, framed, lock_step, phase_bar, synced_videos
 from tests.report.made import FPS, Made
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from imocap_core.artifacts.schemas import VideoKeypoints
-from imocap_core.verdict.detections import remarks
+from imocap_core.diagnostics.detection_findings import remarks
 
 FOLLOWED = "2 people followed; the performer is seen in 9 of 9 frames and scores 3.0 times the next"
 

@@ -10,15 +10,14 @@ import pytest
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.body import load_free_body
-from imocap_core.figures.results_sheet import most_different_frames, picks_of
-from imocap_core.figures.uncertainty_figure import over_time
+from imocap_core.diagnostics.findings import Finding, Verdict
+from imocap_core.figures.page_figures import over_time
+from imocap_core.figures.sheets import most_different_frames, picks_of
 from imocap_core.metrics.scoring import ScoreRow, over_videos
-from imocap_core.report.files import Contents, Picture, read_contents, write_report
-from imocap_core.report.metric_glossary import GLOSSARY
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.sections import sections
+from imocap_core.report.table_files import GLOSSARY, Contents, Picture, read_contents, write_report
 from imocap_core.report.tables import long_table, metric_tables
-from imocap_core.verdict.findings import Finding, Verdict
 from tests.report.made import Made
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -163,7 +162,7 @@ def test_claims_over_time_are_the_mean_of_the_videos_that_show_the_moment(made: 
 
 
 def test_a_column_is_chosen_for_every_video(made: Made) -> None:
-    from imocap_core.figures.contact_sheets import SheetVideo
+    from imocap_core.figures.sheets import SheetVideo
 
     names = load_free_body().points("body25").names
     videos = [

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Table
-from imocap_core.report.files import Contents, Picture
-from imocap_core.report.metric_glossary import GLOSSARY
+from imocap_core.diagnostics.findings import Verdict
 from imocap_core.report.page import html_page
 from imocap_core.report.sections import sections
-from imocap_core.verdict.findings import Verdict
+from imocap_core.report.table_files import GLOSSARY, Contents, Picture
 from tests.report.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")

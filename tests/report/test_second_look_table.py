@@ -3,9 +3,8 @@
 import numpy as np
 
 from imocap_core.artifacts.schemas import Redetect, RedetectedVideo
-from imocap_core.report.column_titles import column_title
-from imocap_core.report.metric_glossary import GLOSSARY
-from imocap_core.report.second_look_table import second_look_tables
+from imocap_core.report.table_files import GLOSSARY, column_title
+from imocap_core.report.tables import second_look_tables
 
 
 def test_each_video_says_what_was_asked_and_what_moved() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from imocap_core.body import Posed, load_free_body
-from imocap_core.evaluate.surface import VertexErrors, measure_surfaces, surface_mesh
+from imocap_core.evaluate.whole_body_scores import VertexErrors, measure_surfaces, surface_mesh
 
 
 def test_hands_that_turn_are_no_error_of_the_rest_of_the_surface() -> None:

@@ -9,11 +9,10 @@ import pytest
 from scipy.stats import norm
 
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap
-from imocap_core.figures.style import quiet, save
-from imocap_core.figures.sync_picture import pace_of, sync_picture, uncertainty_s
+from imocap_core.figures.style import DIMMED, quiet, save
+from imocap_core.figures.sync_figures import pace_of, sync_picture, uncertainty_s
 from imocap_core.figures.sync_summary import retimed, sync_rows, title_of
-from imocap_core.film.side_by_side import (
-    DIMMED,
+from imocap_core.film import (
     SyncedVideo,
     crop_windows,
     grid_shape,

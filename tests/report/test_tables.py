@@ -6,10 +6,8 @@ import csv
 import json
 
 from imocap_core.metrics.scoring import ScoreRow, over_videos
-from imocap_core.report.column_titles import column_title
-from imocap_core.report.metric_glossary import GLOSSARY
-from imocap_core.report.table_markup import html_table, markdown
-from imocap_core.report.table_text import cell_text, csv_text, json_text
+from imocap_core.report.page import html_table, markdown
+from imocap_core.report.table_files import GLOSSARY, cell_text, column_title, csv_text, json_text
 from imocap_core.report.tables import long_table, metric_tables
 
 ROWS = [

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imocap_core.adapters.sync_maps import maps_of
 from imocap_core.artifacts.schemas import CycleTriple, SyncTrust, VideoTrust
-from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.scoreboard import against_truth, cycle_row
+from imocap_core.evaluate.scoreboard import StageResult, against_truth, cycle_row
 from imocap_core.io.truth import read_truth
-from imocap_core.problem.sync_maps import maps_of
-from imocap_core.report.table_markup import markdown
-from imocap_core.report.trust_tables import trust_tables
+from imocap_core.report.page import markdown
+from imocap_core.report.uncertainty_tables import trust_tables
 from tests.made_sync import stored_matrix
 from tests.report.made import Made
 

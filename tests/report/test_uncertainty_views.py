@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from imocap_core.artifacts.schemas import NearPair, Uncertainty, Viewpoint, WeakSpan
-from imocap_core.evaluate.calibration import METRICS, normalised_rows
+from imocap_core.evaluate.action_scores import CALIBRATION_METRICS, normalised_rows
 from imocap_core.metrics.scoring import over_videos
-from imocap_core.report.observability_text import (
+from imocap_core.report.uncertainty_tables import (
     SHOWN,
     observability_markdown,
     observability_table,
     sentences,
+    uncertainty_tables,
 )
-from imocap_core.report.uncertainty_tables import uncertainty_tables
 from tests.report.made import Made
 
 
@@ -79,7 +79,7 @@ def test_the_page_names_the_worst_and_the_file_all(made: Made) -> None:
 def test_without_truth_claims_stand_alone(made: Made) -> None:
     motions = made.refined.motion.videos
     rows = normalised_rows("after loop", made.claimed, motions, None)
-    assert {row.metric for row in rows} == set(METRICS)
+    assert {row.metric for row in rows} == set(CALIBRATION_METRICS)
     assert all(row.value is None and row.note == "no truth" for row in rows)
     tables = uncertainty_tables(made.claimed, motions, None, [*rows, *over_videos(rows)])
     by_video = tables[0]

@@ -17,11 +17,17 @@ import torch
 from imocap_core import rotations
 from imocap_core.artifacts.schemas import CameraMotion, Sync
 from imocap_core.body import load_free_body
-from imocap_core.figures.bodies import surfaces
-from imocap_core.viewer.block import Block, quantised
-from imocap_core.viewer.body import strongest_bones
-from imocap_core.viewer.pictures import LONGEST_PX, stride, windows
-from imocap_core.viewer.video import UNKNOWN_MM, first_shared, phase_of, uncertainty_entry
+from imocap_core.figures.sheets import surfaces
+from imocap_core.viewer.html import Block, quantised, strongest_bones
+from imocap_core.viewer.viewer_video import (
+    LONGEST_PX,
+    UNKNOWN_MM,
+    first_shared,
+    phase_of,
+    stride,
+    uncertainty_entry,
+    windows,
+)
 from tests.report.made import K, Made
 from tests.report.viewed import Page, page_of, read_entry, write_clip
 

@@ -20,8 +20,8 @@ from imocap_core.result.artifacts import Artifacts
 from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult
 from imocap_core.viewer import html as viewer
-from imocap_core.viewer.block import Block, Entry
-from imocap_core.viewer.scene import scene
+from imocap_core.viewer.html import Block, Entry
+from imocap_core.viewer.viewer_scene import scene
 from tests.report.made import SIZE, Made
 
 

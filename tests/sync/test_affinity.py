@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
-from imocap_core.sync.pairwise.procrustes import optimal_trace, procrustes_distances
+from imocap_core.sync.affinity import gaussian_affinity, reciprocal_affinity
+from imocap_core.sync.procrustes import optimal_trace, procrustes_distances
 
 
 def distance_naive(a: np.ndarray, b: np.ndarray, w: np.ndarray) -> float:

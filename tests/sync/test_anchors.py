@@ -7,8 +7,8 @@ import pytest
 
 from imocap_core.sync import Anchor, Hints, SyncResult
 from imocap_core.sync.anchors import AnchorPoint, anchored_squares, led_through
-from imocap_core.sync.reference_anchors import anchor_penalty
-from imocap_core.sync.warp.nearby_squares import NearbySquares
+from imocap_core.sync.reference import anchor_penalty
+from imocap_core.sync.warp.template import NearbySquares
 from tests.sync.phase_positions import positions_in
 from tests.sync.test_synchronise import FOUR_FPS, estimated, four_phases, run_four
 

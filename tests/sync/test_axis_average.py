@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.sync.axis_average import averaged_over_axes, axes_of, inverted
+from imocap_core.sync.axes import averaged_over_axes, axes_of, inverted
 
 LENGTHS = [60, 50, 70, 55]
 REACH = 9.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.sync.pairwise.banded import FRAMES, BandedMap
+from imocap_core.sync.maps import FRAMES, BandedMap
 from imocap_core.sync.warp.monotone import monotone_posterior
 
 N, S, F = 3 * FRAMES + 5, 400, 7

@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.confidence import WEIGHTS, Route, calibrated_confidence, confidence_features
-from imocap_core.sync.map_consistency import PairMaps
-from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
-from imocap_core.sync.repeated_motion import Repetition
+from imocap_core.sync.affinity import DistanceMatrix, distance_matrix
+from imocap_core.sync.confidence import (
+    WEIGHTS,
+    Repetition,
+    Route,
+    calibrated_confidence,
+    confidence_features,
+)
+from imocap_core.sync.time_axis import PairMaps
 from tests.sync.test_synchronise import FPS, PARAMS, estimated, pose_at, run
 
 T = 90

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.pose_change import pose_change
-from imocap_core.sync.warp.counterpart import evidence_of_match
+from imocap_core.sync.comparable_poses import pose_change
+from imocap_core.sync.warp.soft_maps import evidence_of_match
 from tests.sync.test_synchronise import FPS, PARAMS, pose_at, run
 
 OPTIONS = {"matched_square": 0.002, "level": 1.0, "observations": 0.5}

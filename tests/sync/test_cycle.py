@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.cycle.als import als
-from imocap_core.sync.cycle.methods import held_out_residual, relax, relax_auto
-from imocap_core.sync.cycle.row_contrast import symmetric_affinity
-from imocap_core.sync.cycle.softmap import row_stochastic, softmap
-from imocap_core.sync.cycle.svt import shrink_spectrum, svt
-from imocap_core.sync.pairwise.banded import BandedMap
+from imocap_core.sync.cycle import (
+    als,
+    held_out_residual,
+    relax,
+    relax_auto,
+    row_stochastic,
+    shrink_spectrum,
+    softmap,
+    svt,
+    symmetric_affinity,
+)
+from imocap_core.sync.maps import BandedMap, BlockMaps, Blocks
 
 RNG = np.random.default_rng
 

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.block_maps import BlockMaps
-from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.cycle.als import als
-from imocap_core.sync.cycle.methods import relax
-from imocap_core.sync.cycle.row_contrast import row_contrast, symmetric_affinity
-from imocap_core.sync.cycle.svt import svt
+from imocap_core.sync.cycle import als, relax, row_contrast, svt, symmetric_affinity
+from imocap_core.sync.maps import BlockMaps, Blocks
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 
 RNG = np.random.default_rng

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.sync import Anchor, Hints
-from imocap_core.sync.distinct_videos import hints_of_pictures
-from imocap_core.sync.frozen_pictures import distinct_frames, frozen_runs
+from imocap_core.sync.freeze_frames import distinct_frames, frozen_runs, hints_of_pictures
 from tests.sync.test_synchronise import FPS, error_s, estimated, run
 
 PHASE = np.linspace(0.5, 4.5, 120)

@@ -8,10 +8,16 @@ from itertools import product
 import numpy as np
 import pytest
 
-from imocap_core.sync.hypotheses.agreement import Hypothesis3D, pair_costs
-from imocap_core.sync.hypotheses.choice import best_labellings, energy_of
-from imocap_core.sync.hypotheses.joint_choice import CandidateMotions, JointChoice, choose_jointly
-from imocap_core.sync.hypotheses.messages import sentences
+from imocap_core.sync.hypotheses import (
+    CandidateMotions,
+    Hypothesis3D,
+    JointChoice,
+    best_labellings,
+    choose_jointly,
+    energy_of,
+    pair_costs,
+    sentences,
+)
 from imocap_core.sync.screening.registration import Keypoints2D
 
 DEPTH = np.array([1.0, 1.0, -1.0])

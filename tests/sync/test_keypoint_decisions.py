@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.sync.screening.common_motion import motions_without
-from imocap_core.sync.screening.decisions import Decisions
-from imocap_core.sync.screening.explanation import ScreenedVideo, pair_residuals, prepared
-from imocap_core.sync.screening.keypoint_decisions import decide_by_keypoints
-from imocap_core.sync.screening.messages import sentences
+from imocap_core.sync.screening.decisions import LARGEST_SCORE, Decisions, decide_by_keypoints
+from imocap_core.sync.screening.explanation import (
+    ScreenedVideo,
+    motions_without,
+    pair_residuals,
+    prepared,
+)
 from imocap_core.sync.screening.mirror import mirrored_poses
-from imocap_core.sync.screening.outliers import LARGEST_SCORE
 from imocap_core.sync.screening.registration import Keypoints2D, unbiased_directions
-from imocap_core.sync.screening.screening import Screening
+from imocap_core.sync.screening.screening import Screening, sentences
 from tests.sync.test_registration import filmed, motion_of
 from tests.sync.test_screening import TWINS
 

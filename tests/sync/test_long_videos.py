@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.sync import SyncResult, synchronise
-from imocap_core.sync.pairwise import distance_matrix
-from imocap_core.sync.pairwise.banded import BandedMap, refined_bands
+from imocap_core.sync import SyncResult, affinity, synchronise
+from imocap_core.sync.maps import BandedMap, refined_bands
 from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated
 
 
@@ -25,7 +24,7 @@ def test_maps_by_way_of_every_third_frame_are_those_of_all(
 ) -> None:
     phases = [np.linspace(1.0, 11.0, 300), np.linspace(0.0, 1.0, 280) ** 1.2 * 9.0 + 1.5]
     every = synchronised(phases)
-    monkeypatch.setattr(distance_matrix, "ALL_COMPARED", 300 * 280 // 9)
+    monkeypatch.setattr(affinity, "ALL_COMPARED", 300 * 280 // 9)
     coarse = synchronised(phases)
     assert coarse.affinity.pairs[0, 1].shape == (300, 280)
     assert np.median(error_s(phases, every.reference_frame, 0)) < 0.05

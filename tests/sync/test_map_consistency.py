@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from imocap_core.sync.map_consistency import (
-    PairMaps,
-    composed,
-    cycle_residuals,
-    left_out_disagreement,
-)
+from imocap_core.sync.time_axis import PairMaps, composed, cycle_residuals, left_out_disagreement
 
 
 def shifted(offsets: list[float], length: int = 60) -> PairMaps:

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.pairwise.banded import BandedMap
+from imocap_core.sync.maps import BandedMap
 from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, monotone_posterior
 from imocap_core.sync.warp.soft_maps import at_fine_positions
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.sync.pairwise.banded import FRAMES, BandedMap, search_bands, whole_band
-from imocap_core.sync.warp import nearby_squares
+from imocap_core.sync.maps import FRAMES, BandedMap, search_bands, whole_band
+from imocap_core.sync.warp import template
 from imocap_core.sync.warp.monotone import StepPrior, banded_posterior, monotone_posterior
-from imocap_core.sync.warp.nearby_squares import NearbySquares
-from imocap_core.sync.warp.rate_prior import rate_prior
-from imocap_core.sync.warp.smooth_rate import banded_rate_posterior
+from imocap_core.sync.warp.rate import banded_rate_posterior, rate_prior
+from imocap_core.sync.warp.template import NearbySquares
 
 N, S = 3 * FRAMES + 5, 260
 STEPS = StepPrior(12, 60, 0.05)
@@ -28,7 +27,7 @@ def costs() -> np.ndarray:
 def test_distances_near_a_map_are_those_of_all(
     at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(nearby_squares, "ENTRIES_AT_ONCE", at_once)
+    monkeypatch.setattr(template, "ENTRIES_AT_ONCE", at_once)
     squares = costs()
     squares[7] = np.nan
     bands = search_bands([BandedMap.of(np.eye(N, S))], 9)
@@ -42,7 +41,7 @@ def test_distances_near_a_map_are_those_of_all(
 def test_of_very_many_positions_every_nth_is_compared_and_all_near_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(nearby_squares, "ALL_COMPARED", N * S // 4)
+    monkeypatch.setattr(template, "ALL_COMPARED", N * S // 4)
     squares, compared = costs(), []
 
     def block(frames: slice, positions: slice) -> np.ndarray:

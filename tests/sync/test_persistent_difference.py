@@ -3,15 +3,13 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.rigid_alignment import centred, rotations_onto
-from imocap_core.sync.screening.outliers import find_outliers, outlier_scores
-from imocap_core.sync.screening.persistent_difference import (
-    persistent_differences,
-    persistent_squares,
-)
-from imocap_core.sync.screening.warp_residual import (
+from imocap_core.sync.procrustes import centred, rotations_onto
+from imocap_core.sync.screening.decisions import find_outliers, outlier_scores
+from imocap_core.sync.screening.pose_evidence import (
     expected_by,
     expected_squares,
+    persistent_differences,
+    persistent_squares,
     soft_maps,
     squares_between,
     typical_squares,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.phase import HARD_WEIGHT, WeightedMap, common_phase
+from imocap_core.sync.time_axis import HARD_WEIGHT, WeightedMap, common_phase
 from tests.sync.phase_positions import positions_in
 
 FPS = 25.0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from imocap_core.sync import estimated_rates
-from imocap_core.sync.warp.clocks import Clocks
-from imocap_core.sync.warp.playback_rate import log_playback_rates, playback_rates
+from imocap_core.sync.warp.rate import log_playback_rates, playback_rates
+from imocap_core.sync.warp.soft_maps import Clocks
 from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated, pose_at, run
 
 SPEEDS = [1.0, 1.1, 0.9, 1.2]

@@ -7,11 +7,10 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.map_consistency import PairMaps
-from imocap_core.sync.pace import pace_spread
+from imocap_core.sync.maps import Blocks
 from imocap_core.sync.reference import chosen_reference, coverage
-from imocap_core.sync.warp.clocks import Clocks
+from imocap_core.sync.time_axis import PairMaps, pace_spread
+from imocap_core.sync.warp.soft_maps import Clocks
 
 CENTRAL, COVERING = np.array([0.52, 0.50, 0.45, 0.20]), np.array([0.90, 0.98, 0.95, 1.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.sync.screening.best_camera import explained_change, registered
+from imocap_core.sync.screening.explanation import explained_change, registered
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
     best_warp,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.sync.repeated_motion import DISTINCT, next_repetition, repeats
+from imocap_core.sync.confidence import DISTINCT, next_repetition, repeats
 
 FPS = 30.0
 FRAMES = np.arange(120.0)

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import RepetitionParams
-from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
-from imocap_core.sync.repetition.template_matching import (
+from imocap_core.sync.repetition import (
+    Repetitions,
     best_totals,
     chosen_spans,
+    find_repetitions,
     match_values,
     subsequence_dtw,
 )
-from imocap_core.synthetic.variation import PhaseSpan, pace
+from imocap_core.synthetic.choreography import PhaseSpan, pace
 
 Array = NDArray[np.float64]
 

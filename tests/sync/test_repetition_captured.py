@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from imocap_core.params import RepetitionParams
-from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
-from imocap_core.synthetic.variation import PhaseSpan, pace
+from imocap_core.sync.repetition import Repetitions, find_repetitions
+from imocap_core.synthetic.choreography import PhaseSpan, pace
 
 DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))
 FILE = DATA / "train" / "cmu_train.npz"

@@ -8,10 +8,10 @@ import pytest
 
 from imocap_core.params import MotionParams
 from imocap_core.sync import synchronise
-from imocap_core.sync.pairwise.banded import BandedMap, blocks_of_frames
-from imocap_core.sync.refinement import increasing
-from imocap_core.sync.warp import offset_squares
-from imocap_core.sync.warp.reprojection import (
+from imocap_core.sync.axes import increasing
+from imocap_core.sync.maps import BandedMap, blocks_of_frames
+from imocap_core.sync.warp import template as offset_squares
+from imocap_core.sync.warp.reprojection_evidence import (
     CalibratedVideo,
     ReprojectionEvidence,
     projected,

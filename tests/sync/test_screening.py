@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from imocap_core.sync import SyncResult
-from imocap_core.sync.screening.messages import sentences
+from imocap_core.sync.screening.decisions import find_outliers, outlier_scores
 from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirrored_poses, signs_of
-from imocap_core.sync.screening.outliers import find_outliers, outlier_scores
+from imocap_core.sync.screening.screening import sentences
 from tests.sync.test_synchronise import PARAMS, estimated, four_phases, run_four
 
 EQUAL = np.full((4, 4), 0.05)  # persistent differences, metres, by which no video stands out
@@ -110,7 +110,7 @@ def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
 
 
 def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imocap_core.sync.screening.pose_decisions.CLEAR_MARGIN", 10.0)
+    monkeypatch.setattr("imocap_core.sync.screening.pose_evidence.CLEAR_MARGIN", 10.0)
     rng = np.random.default_rng(13)
     poses = [estimated(p, rng) for p in four_phases()]
     poses[2] = mirrored_poses(poses[2], TWINS)

@@ -5,10 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.pairwise.banded import whole_band
+from imocap_core.sync.maps import whole_band
 from imocap_core.sync.warp.monotone import monotone_posterior
-from imocap_core.sync.warp.rate_prior import RatePrior, rate_prior
-from imocap_core.sync.warp.smooth_rate import banded_rate_posterior
+from imocap_core.sync.warp.rate import RatePrior, banded_rate_posterior, rate_prior
 
 PRIOR = RatePrior(
     np.array([0.5, 1.0, 2.0]),

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imocap_core.adapters.sync_maps import affinity_between
+from imocap_core.adapters.synchronisation import synchronise_motions
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.problem.sync_maps import affinity_between
-from imocap_core.problem.synchronisation import synchronise_motions
 from tests.sync.test_synchronise import PARAMS, pose_at
 
 PARAMS = replace(PARAMS, max_rate=20.0)

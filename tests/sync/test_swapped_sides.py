@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.sync.hypotheses.agreement import Hypothesis3D
-from imocap_core.sync.hypotheses.joint_choice import CandidateMotions
-from imocap_core.sync.hypotheses.swapped_sides import (
+from imocap_core.sync.hypotheses import (
+    CandidateMotions,
+    Hypothesis3D,
     swapped_by_others,
     swapped_keypoints,
     with_swapped_sides,

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import refinement, synchronise
+from imocap_core.sync import axes, synchronise
 
 PARAMS = SyncParams(
     affinity="reciprocal",
@@ -114,7 +114,7 @@ def test_sharper_last_refinements_claim_no_more_confidence(monkeypatch: pytest.M
     phases, rng = four_phases(), np.random.default_rng(3)
     poses = [estimated(p, rng) for p in phases]
     sharp = run_four(poses, reference=0)
-    monkeypatch.setattr(refinement, "SHARPNESS", 1.0)
+    monkeypatch.setattr(axes, "SHARPNESS", 1.0)
     usual = run_four(poses, reference=0)
     moved = [np.nanmax(np.abs(a - b)) for a, b in zip(
         sharp.reference_frame[1:], usual.reference_frame[1:], strict=True)]  # fmt: skip

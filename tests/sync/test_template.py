@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.banded import BandedMap
-from imocap_core.sync.pairwise.rigid_alignment import centred
+from imocap_core.sync.maps import BandedMap
+from imocap_core.sync.procrustes import centred
 from imocap_core.sync.warp.template import (
     ISOTROPIC,
     VIEW_PRECISION,

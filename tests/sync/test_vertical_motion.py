@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.sync.pairwise.distance_matrix import distance_matrix
-from imocap_core.sync.pairwise.vertical_motion import (
+from imocap_core.sync.affinity import distance_matrix
+from imocap_core.sync.comparable_poses import (
     mean_of_known,
     of_one_amplitude,
     picture_heights,

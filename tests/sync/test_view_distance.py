@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.banded import BandedMap
-from imocap_core.sync.pairwise.rigid_alignment import centred, rotations_onto
-from imocap_core.sync.pairwise.view_distance import axis_precisions, squared_view_distances
+from imocap_core.sync.maps import BandedMap
+from imocap_core.sync.procrustes import centred, rotations_onto
+from imocap_core.sync.warp.leave_one_out_template import axis_precisions, squared_view_distances
 
 
 def all_squares(*scene: Any) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.sync.pairwise.whitening import whitening
+from imocap_core.sync.warp.leave_one_out_template import whitening
 
 
 def errors(rng: np.random.Generator, n: int = 4000) -> np.ndarray:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.body.model import rotations_from_pose
 from imocap_core.errors import WorkFailed
-from imocap_core.executors.serial import Serial
-from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.executors.tasks import Serial
+from imocap_core.io.readers.openpose import read_openpose
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe, write_h264
 from imocap_core.pipeline import make_demo as demo

@@ -5,9 +5,7 @@ import pytest
 
 from imocap_core.camera.projection import project
 from imocap_core.conventions import OTHER, SMPL_JOINTS
-from imocap_core.synthetic.detector import DetectorErrors, detect
-from imocap_core.synthetic.false_people import false_people
-from imocap_core.synthetic.keypoint_errors import KeypointErrors
+from imocap_core.synthetic.detector import DetectorErrors, KeypointErrors, detect, false_people
 
 NAMES = (
     "nose",

@@ -6,9 +6,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.synthetic.contact import contact_places, contact_targets, solve_contacts
-from imocap_core.synthetic.demo_body import contact_forward
-from imocap_core.synthetic.variation import PhaseSpan, pace
+from imocap_core.synthetic.choreography import (
+    PhaseSpan,
+    contact_forward,
+    contact_places,
+    contact_targets,
+    pace,
+    solve_contacts,
+)
 from imocap_core.synthetic.yoga import DURATION_S, SUN_SALUTATION, local_rotations
 from imocap_core.synthetic.yoga_clip import YOGA_SPANS, make_yoga_clip
 

@@ -6,14 +6,7 @@ import pytest
 
 from imocap_core.camera.projection import project, warp
 from imocap_core.synthetic.cameras import YOGA_CAMERAS, aim_camera, look_at
-from imocap_core.synthetic.scene import (
-    PX_PER_M,
-    Surface,
-    backdrop,
-    cast_shadow,
-    render_plate,
-    room,
-)
+from imocap_core.synthetic.rooms import PX_PER_M, Surface, backdrop, cast_shadow, render_plate, room
 
 SIZE = (320, 180)
 PATH = np.stack([np.zeros(40), np.linspace(0, 0.4, 40), np.linspace(0.9, 0.2, 40)], axis=1)

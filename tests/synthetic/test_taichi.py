@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.hands.skeleton import hand_skeleton
-from imocap_core.io.detectors.openpose import read_openpose
-from imocap_core.io.detectors.openpose_hands import read_openpose_hands
+from imocap_core.hands.hand_skeleton import hand_skeleton
+from imocap_core.io.readers.openpose import read_openpose, read_openpose_hands
 from imocap_core.pipeline import make_demo as demo
-from imocap_core.synthetic.taichi import HAND_POSES, HANDS, TAI_CHI
-from imocap_core.synthetic.taichi_clip import SIZE, TAICHI_SPANS, make_taichi_clip, taichi_body
+from imocap_core.synthetic.taichi import (
+    HAND_POSES,
+    HANDS,
+    SIZE,
+    TAI_CHI,
+    TAICHI_SPANS,
+    make_taichi_clip,
+    taichi_body,
+)
 from imocap_core.synthetic.yoga_clip import DemoClip
 
 SEED, INDEX = 3, 2

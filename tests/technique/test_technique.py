@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.technique.consistency import consistency
-from imocap_core.technique.difference import difference
-from imocap_core.technique.mean_motion import mean_motion, over_moments, spread
-from imocap_core.technique.modes import along_mode, modes
-from imocap_core.technique.performances import (
+from imocap_core.technique import (
     AlignedPerformances,
+    along_mode,
     at_moments,
+    consistency,
+    difference,
     facing_alike,
+    mean_motion,
+    modes,
+    over_moments,
+    spread,
     to_the_front,
     turned_by,
 )

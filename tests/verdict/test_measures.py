@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.runs import runs
-from imocap_core.verdict.collapsed_time import collapses
-from imocap_core.verdict.outlying_body import PlacedBody, outlying_bodies
-from imocap_core.verdict.sliding_feet import slides
+from imocap_core.diagnostics.bodies import PlacedBody, outlying_bodies, slides
+from imocap_core.diagnostics.timing import collapses
+from imocap_core.sequences import runs
 from tests.report.made import Made
 from tests.verdict.test_same_take import performance
 

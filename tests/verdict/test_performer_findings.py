@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imocap_core.verdict.performer_findings import two_bodies
+from imocap_core.diagnostics.bodies import two_bodies
 
 A, B = np.array([0.03, -0.03, 0.02, -0.02]), np.array([-0.03, 0.04, -0.03, 0.02])
 

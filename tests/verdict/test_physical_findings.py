@@ -7,11 +7,10 @@ import pytest
 
 from imocap_core.artifacts.schemas import GroundPlane, SmplBa
 from imocap_core.body.layouts import layout_names
-from imocap_core.camera.ground import sole_heights_m
+from imocap_core.camera.gravity import sole_heights_m
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.verdict.contradicted import behind_findings, behind_trunk_m
-from imocap_core.verdict.physical_findings import (
+from imocap_core.diagnostics.bodies import (
     OFF_FLOOR_MM,
     ROLLED_DEG,
     TILT_SD_DEG,
@@ -19,6 +18,7 @@ from imocap_core.verdict.physical_findings import (
     speed_findings,
     up_findings,
 )
+from imocap_core.diagnostics.contradictions import behind_findings, behind_trunk_m
 from tests.report.made import FPS, Made
 
 

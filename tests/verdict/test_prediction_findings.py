@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from imocap_core.artifacts.schemas import PredictedVideo
-from imocap_core.verdict.prediction_findings import prediction_findings
+from imocap_core.diagnostics.contradictions import prediction_findings
 
 NAN = float("nan")
 

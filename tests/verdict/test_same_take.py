@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.verdict.limbs import LIMBS, TWINS
-from imocap_core.verdict.same_take import same_take
+from imocap_core.diagnostics.contradictions import LIMBS, TWINS
+from imocap_core.diagnostics.same_take import same_take
 
 FPS = (30.0, 30.0)
 

@@ -25,17 +25,20 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.verdict.action_verdict import verdict_of
-from imocap_core.verdict.agreement import DOUBTFUL_S
-from imocap_core.verdict.collapse_findings import collapse_findings
-from imocap_core.verdict.contradicted import contradicted_findings
-from imocap_core.verdict.event_findings import event_findings
-from imocap_core.verdict.findings import SENTENCES, Finding, Verdict, listed
-from imocap_core.verdict.further_view import further_view, side_of
-from imocap_core.verdict.limbs import LIMBS
-from imocap_core.verdict.summary import distrust, without_consequences
-from imocap_core.verdict.take_findings import said_first
-from imocap_core.verdict.verdict_file import read_verdict, verdict_document, verdict_text
+from imocap_core.diagnostics.action_verdict import distrust, verdict_of, without_consequences
+from imocap_core.diagnostics.contradictions import LIMBS, contradicted_findings
+from imocap_core.diagnostics.findings import (
+    SENTENCES,
+    Finding,
+    Verdict,
+    listed,
+    read_verdict,
+    verdict_document,
+    verdict_text,
+)
+from imocap_core.diagnostics.same_take import said_first
+from imocap_core.diagnostics.timing import DOUBTFUL_S, collapse_findings, event_findings
+from imocap_core.diagnostics.weak_joints import further_view, side_of
 from tests.report.made import FPS, Made
 from tests.verdict.test_same_take import performance
 

@@ -7,14 +7,14 @@ import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, SmplBa
 from imocap_core.body.layouts import layout_names
-from imocap_core.rotations import exp
-from imocap_core.verdict.action_verdict import verdict_of
-from imocap_core.verdict.view_findings import (
+from imocap_core.diagnostics.action_verdict import verdict_of
+from imocap_core.diagnostics.detection_findings import (
     ONE_LINE_DEG,
     hidden_findings,
     sight_lines,
     widest_angle_deg,
 )
+from imocap_core.rotations import exp
 from tests.report.made import Made
 from tests.verdict.test_verdict import with_sync
 

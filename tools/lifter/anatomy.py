@@ -14,7 +14,7 @@ import torch
 
 from benchmarks.synthetic.arm_twist import natural_arm
 from imocap_core.body import load_free_body
-from imocap_core.body.mass import centre_of_mass
+from imocap_core.body.kinematics import centre_of_mass
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.rotations import exp, log
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.conventions import left_right_pairs
-from imocap_core.lifter.points import COMMON, columns_of
+from imocap_core.lifter.lifter_network import COMMON, columns_of
 from lifter.window_errors import draw_errors, outlier_jumps, persistent_noise, with_offsets
 
 STATURE_M = 1.7

@@ -13,9 +13,9 @@ from torch import Tensor
 
 from imocap_core.body import PointSet, join_points, load_free_body, pick_points
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.lifter.network import WINDOW
+from imocap_core.lifter.lifter_network import WINDOW
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.terms.limits import HINGES
+from imocap_core.motion.terms.body_priors import HINGES
 from imocap_core.rotations import exp, log
 from lifter.motions import FittedClip, mirrored_clip
 
@@ -132,7 +132,7 @@ class TrainingBodies:
 
 
 def _common_points(model) -> PointSet:
-    """`imocap_core.lifter.points.COMMON` on the body, in that order."""
+    """`imocap_core.lifter.lifter_network.COMMON` on the body, in that order."""
     feet = [f"{s}_{p}" for p in ("big_toe", "small_toe", "heel") for s in ("left", "right")]
     sets = [
         model.points("coco17"),

@@ -13,10 +13,8 @@ import torch
 from torch import Tensor
 
 from benchmarks.synthetic.detector_presets import DETECTORS
-from imocap_core.lifter.network import RATE_HZ
-from imocap_core.lifter.points import COMMON
-from imocap_core.synthetic.detector import hold
-from imocap_core.synthetic.keypoint_errors import error_factors, offset_target
+from imocap_core.lifter.lifter_network import COMMON, RATE_HZ
+from imocap_core.synthetic.detector import error_factors, hold, offset_target
 
 MEASURED = 0.5  # share of windows
 PRESET = DETECTORS["mediapipe"]

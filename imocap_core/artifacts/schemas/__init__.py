@@ -1,38 +1,35 @@
 """What each artifact contains, one file a stage; `base` checks arrays when a value is made."""
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
-from imocap_core.artifacts.schemas.camera_motion import (
-    CameraMotion,
-    LensDistortion,
-    VideoCameraMotion,
-)
-from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
-from imocap_core.artifacts.schemas.hands import Hands, VideoHands
-from imocap_core.artifacts.schemas.keypoints import (
-    CorrectedMarks,
-    HandKeypoints,
-    Keypoints,
-    LeftOutVideo,
-    SourceMoments,
-    VideoKeypoints,
-)
-from imocap_core.artifacts.schemas.motion import (
+from imocap_core.artifacts.schemas.motion_schemas import (
     AlternativeMotion,
     Camera,
     CommonMotion,
+    Evaluate,
     GroundPlane,
+    Hands,
     InitialSmpl,
+    NearPair,
     PathUnit,
+    PredictedVideo,
     SmplBa,
     StartFit,
     SwappedSides,
+    Table,
+    Uncertainty,
+    VideoHands,
     VideoMotion,
+    VideoUncertainty,
+    Viewpoint,
+    WeakSpan,
 )
-from imocap_core.artifacts.schemas.redetect import Redetect, RedetectedVideo
-from imocap_core.artifacts.schemas.refine_sync import EventCamera, EventCameras, RefineSync, Round
-from imocap_core.artifacts.schemas.sync import (
+from imocap_core.artifacts.schemas.sync_schemas import (
     AffinityBlock,
     CycleTriple,
+    EventCamera,
+    EventCameras,
+    RefineSync,
+    Round,
     SoftMapBands,
     Sync,
     SyncMap,
@@ -40,13 +37,18 @@ from imocap_core.artifacts.schemas.sync import (
     SyncTrust,
     VideoTrust,
 )
-from imocap_core.artifacts.schemas.uncertainty import (
-    NearPair,
-    PredictedVideo,
-    Uncertainty,
-    VideoUncertainty,
-    Viewpoint,
-    WeakSpan,
+from imocap_core.artifacts.schemas.video_schemas import (
+    CameraMotion,
+    CorrectedMarks,
+    HandKeypoints,
+    Keypoints,
+    LeftOutVideo,
+    LensDistortion,
+    Redetect,
+    RedetectedVideo,
+    SourceMoments,
+    VideoCameraMotion,
+    VideoKeypoints,
 )
 
 __all__ = [

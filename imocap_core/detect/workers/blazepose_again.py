@@ -18,8 +18,8 @@ def known_person(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str, An
     network = pose.network(model_path=settings["landmark_model"])
     second = pose.second_network(settings) if settings["second_network"] else None
     places = iter(importlib.import_module("numpy").load(settings["places"]))
-    look_at = importlib.import_module("blazepose.known_place").look_at
-    pyramid = importlib.import_module("blazepose.pyramid").Pyramid
+    look_at = importlib.import_module("blazepose.looks").look_at
+    pyramid = importlib.import_module("blazepose.landmarks").Pyramid
 
     def detect(picture: Any, is_last: bool) -> dict[str, Any]:
         answer: dict[str, Any] = look_at(pyramid(picture), next(places), network, second)

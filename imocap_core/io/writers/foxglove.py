@@ -1,10 +1,18 @@
-"""Foxglove messages of a view file: cameras, pictures, keypoints, bodies.
+"""View files for Foxglove and Rerun: messages of cameras, pictures, keypoints, bodies as MCAP.
+
+Foxglove messages of a view file: cameras, pictures, keypoints, bodies.
 
 Coordinate frames: `world`, and `<id>_camera` of each video (x right, y down, z forward). Times are
 nanoseconds. The message classes are those of the package `foxglove-schemas-protobuf`.
+
+Protobuf messages as an MCAP file that Foxglove and Rerun open; the file contains its schemas.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
@@ -22,8 +30,13 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf import descriptor_pool
+from google.protobuf.descriptor import FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
+from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from jaxtyping import Float
+from mcap.writer import CompressionType, Writer
 from scipy.spatial.transform import Rotation
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
@@ -148,3 +161,62 @@ def _quaternion(R: Float[np.ndarray, "3 3"]) -> Quaternion:
 
 def _colour(rgb: Colour) -> Color:
     return Color(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
+
+
+LIBRARY = "imocap view 1"  # fixed, without version and date: equal content gives equal bytes
+METADATA = "imocap"
+
+
+@dataclass(frozen=True, order=True)
+class Entry:
+    """One serialized message: its time, topic and schema (`foxglove.Pose`)."""
+
+    time_ns: int
+    topic: str
+    schema: str
+    data: bytes
+
+
+def entry(time_ns: int, topic: str, message: Message) -> Entry:
+    """A message, serialized."""
+    data = message.SerializeToString(deterministic=True)
+    return Entry(time_ns, topic, message.DESCRIPTOR.full_name, data)
+
+
+def write_view(file: Path, entries: Iterable[Entry], notes: Mapping[str, str]) -> None:
+    """Write entries in the order of time; `notes` become the file's metadata."""
+    with file.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        writer.start(profile="", library=LIBRARY)
+        writer.add_metadata(METADATA, dict(notes))
+        channels: dict[tuple[str, str], int] = {}
+        schemas: dict[str, int] = {}
+        for one in sorted(entries):
+            if one.schema not in schemas:
+                schemas[one.schema] = writer.register_schema(
+                    name=one.schema, encoding="protobuf", data=schema_bytes(one.schema)
+                )
+            key = (one.topic, one.schema)
+            if key not in channels:
+                channels[key] = writer.register_channel(
+                    topic=one.topic, message_encoding="protobuf", schema_id=schemas[one.schema]
+                )
+            writer.add_message(
+                channels[key], log_time=one.time_ns, publish_time=one.time_ns, data=one.data
+            )
+        writer.finish()
+
+
+def schema_bytes(schema: str) -> bytes:
+    """A message's schema as MCAP stores it: a serialized FileDescriptorSet, imports first."""
+    message = descriptor_pool.Default().FindMessageTypeByName(schema)
+    files: dict[str, FileDescriptorProto] = {}
+    _add_with_imports(message.file, files)
+    return FileDescriptorSet(file=files.values()).SerializeToString(deterministic=True)
+
+
+def _add_with_imports(file: FileDescriptor, files: dict[str, FileDescriptorProto]) -> None:
+    if file.name not in files:
+        for imported in file.dependencies:
+            _add_with_imports(imported, files)
+        files[file.name] = FileDescriptorProto.FromString(file.serialized_pb)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 if TYPE_CHECKING:
-    from imocap_core.io.writers.clip_body import Skin
+    from imocap_core.io.writers.gltf import Skin
     from imocap_core.io.writers.motion_clip import MotionClip
 
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")

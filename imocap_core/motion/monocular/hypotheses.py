@@ -17,14 +17,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.mirror import REFLECTION, TWINS
 from imocap_core.motion.monocular.fit import COARSE, CoarseFits, all_frames, narrowed, stacked
-from imocap_core.motion.monocular.library import Library
-from imocap_core.motion.monocular.starts import Start, fit_rotations_to_joints, start_at_joints
+from imocap_core.motion.monocular.starts import (
+    Library,
+    Start,
+    fit_rotations_to_joints,
+    start_at_joints,
+)
 from imocap_core.motion.observations import Observation, every, validity
 from imocap_core.motion.prior import PosePrior
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import REFLECTION, TWINS, Body, MotionState
 from imocap_core.params import FitParams
 
 NARROWING = ((3.0, 1e-2), (1.0, 1e-2))  # a wider loss would undo the reversal

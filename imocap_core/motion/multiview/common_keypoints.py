@@ -10,13 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.multiview.aligned import root_positions
-from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.common_time import values_at
-from imocap_core.motion.multiview.timeline import Timeline, sample_keypoints
+from imocap_core.motion.multiview.scene import Cameras, root_positions
+from imocap_core.motion.multiview.timeline import Timeline, sample_keypoints, values_at
 from imocap_core.motion.observations import Observation
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import JointEvidence, Reprojection, Term, View
 from imocap_core.motion.terms.view import project
 

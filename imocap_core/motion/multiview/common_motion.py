@@ -1,5 +1,13 @@
 """The motion common to all videos, fitted to every view's 2D at once.
 
+Unknown focal lengths, solved with the common motion as far as it determines them.
+
+A focal length shows in how a body's near and far parts differ in size, and in how its size changes
+along a path that the other videos see from elsewhere. Performances that differ change both for as
+long as the action lasts, however many frames show it; so against the prior the focal likelihood
+counts once per action. Where videos show one motion that is enough to find the focal length; where
+they differ, or nothing moves much, the assumed value stays.
+
 Averaging monocular fits keeps their depth errors; fitting one motion to all views' 2D removes
 them. This is bundle adjustment proper: poses, shape, cameras and unknown focal lengths are unknowns
 of one system.
@@ -13,10 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.gauss_newton import HALVES, Solution
 from imocap_core.motion.monocular.fit import Progress, regularisers
-from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.common_keypoints import (
     CommonKeypoints,
     common_estimates,
@@ -24,25 +32,65 @@ from imocap_core.motion.multiview.common_keypoints import (
     reprojection_errors_px,
     views_of,
 )
-from imocap_core.motion.multiview.deviation import keypoint_spread_m, with_keypoint_spread
-from imocap_core.motion.multiview.focal_lengths import (
-    NO_FREE_FOCAL_LENGTHS,
-    FreeFocalLengths,
-    free_focal_lengths,
+from imocap_core.motion.multiview.per_video import (
+    estimate_offset_sd,
+    initial_offset_sd,
+    keypoint_spread_m,
+    with_keypoint_spread,
 )
-from imocap_core.motion.multiview.offset_spread import estimate_offset_sd, initial_offset_sd
 from imocap_core.motion.multiview.scene import (
+    Cameras,
     DeviationSpread,
     Scene,
     correlation_frames,
     solve,
 )
-from imocap_core.motion.solver.gauss_newton import Solution
-from imocap_core.motion.solver.objective import HALVES
-from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import Reprojection, Term
+from imocap_core.motion.state import Body, MotionState
+from imocap_core.motion.terms import FocalPrior, Reprojection, Term
+from imocap_core.motion.terms.view import with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
+
+
+@dataclass(frozen=True)
+class FreeFocalLengths:
+    """Videos whose focal lengths are unknowns, with their prior.
+
+    Attributes:
+        videos: F indices, in the order of the state's focal lengths.
+        assumed_px: (F,) the prior's means; weight: (F,) of the squared error of a logarithm.
+    """
+
+    videos: Sequence[int]
+    assumed_px: Float[Tensor, " F"]
+    weight: Float[Tensor, " F"]
+
+    def prior(self, K: Float[Tensor, "M 3 3"]) -> list[FocalPrior]:
+        """The prior as a term about views with intrinsics K."""
+        if not self.videos:
+            return []
+        now = K[list(self.videos), 0, 0]
+        return [FocalPrior((self.assumed_px.to(now) / now).log(), self.weight.to(now))]
+
+    def intrinsics(
+        self, K: Float[Tensor, "M 3 3"], log_focal: Float[Tensor, " F"]
+    ) -> Float[Tensor, "M 3 3"]:
+        """K with the focal lengths of a state."""
+        K, free = K.clone(), list(self.videos)
+        K[free] = with_focal(K[free], log_focal.exp())
+        return K
+
+
+NO_FREE_FOCAL_LENGTHS = FreeFocalLengths((), torch.zeros(0), torch.zeros(0))
+
+
+def free_focal_lengths(scene: Scene) -> FreeFocalLengths:
+    """The unknown focal lengths of a scene's videos."""
+    videos = [v for v, o in enumerate(scene.observations) if o.focal_spread > 0]
+    spread = torch.tensor([scene.observations[v].focal_spread for v in videos])
+    frames = len(scene.timeline.from_reference[scene.reference])
+    return FreeFocalLengths(videos, scene.K[videos, 0, 0], frames / spread**2)
+
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
 # A second start is the motion fitted at this one: a limb on the wrong side feels the keypoints of

@@ -20,18 +20,19 @@ from imocap_core.body import PointSet
 from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.camera.projection import project_camera
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import monocular_terms, regularisers
-from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.common_keypoints import common_keypoints
-from imocap_core.motion.multiview.common_motion import estimate_terms, fit_common_motion
-from imocap_core.motion.multiview.deviation import with_keypoint_spread
-from imocap_core.motion.multiview.focal_lengths import free_focal_lengths
-from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene, solve
-from imocap_core.motion.multiview.swapped_sides import point_shares
+from imocap_core.motion.multiview.common_motion import (
+    estimate_terms,
+    fit_common_motion,
+    free_focal_lengths,
+)
+from imocap_core.motion.multiview.per_video import with_keypoint_spread
+from imocap_core.motion.multiview.repair import point_shares
+from imocap_core.motion.multiview.scene import Cameras, DeviationSpread, JointMotion, Scene, solve
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation, from_one_place
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.params import MotionParams
 
 STEPS = 3  # Gauss-Newton steps from the solution with all videos, or with all limbs

@@ -1,4 +1,11 @@
-"""What SMPL-BA works on, and what it returns."""
+"""What SMPL-BA works on and returns: videos, cameras, motions at the reference's frames.
+
+All videos' motions at the reference's frames.
+
+The cameras of all videos, and where they are at first.
+
+What SMPL-BA works on, and what it returns.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +17,132 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
+from imocap_core.camera.averaging import mean_rotation, mean_vector
+from imocap_core.motion.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.monocular.fit import monocular_terms
-from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.timeline import BeyondReference, Timeline
+from imocap_core.motion.multiview.timeline import (
+    BeyondReference,
+    Timeline,
+    sample,
+    sample_rotations,
+)
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
-from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
+from imocap_core.robust import geman_mcclure_weight
+from imocap_core.rotations import geodesic_angle
+from imocap_core.rotations import mean as chordal_mean
+
+
+@dataclass(frozen=True)
+class AlignedMotions:
+    """M motions at the N frames of the reference, in their own cameras' axes or in the world's.
+
+    Attributes:
+        R_local: (M, N, 24, 3, 3); root: (M, N, 3) metres, the root joint;
+        weight: (M, N) trust in the match, 0 where there is none.
+    """
+
+    R_local: Float[Tensor, "M N 24 3 3"]
+    root: Float[Tensor, "M N 3"]
+    weight: Float[Tensor, "M N"]
+
+
+def root_positions(body: Body, state: MotionState) -> Float[Tensor, "B T 3"]:
+    """The root joint, metres: SMPL's translation plus the resting root."""
+    rest: Tensor = body.model.shape(state.betas).joints_rest[:, 0]
+    return state.trans + rest[:, None]
+
+
+def align(body: Body, state: MotionState, timeline: Timeline) -> AlignedMotions:
+    """Sample every motion at the reference's frames."""
+    root = root_positions(body, state)
+    R, p = [], []
+    for v, position in enumerate(timeline.from_reference):
+        length = int(state.valid[v].sum())
+        R.append(sample_rotations(state.R_local[v, :length], position))
+        p.append(sample(root[v, :length], position))
+    weight = torch.as_tensor(timeline.confidence).to(root)
+    return AlignedMotions(torch.stack(R), torch.stack(p), weight)
+
+
+CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
+ROUNDS = 4  # of the consensus
+PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """One camera a video: ``x_cam = R x_world + t``; the world is the reference's camera axes.
+
+    Attributes:
+        R: (M, 3, 3); t: (M, 3) metres; K: (M, 3, 3) intrinsics, pixels.
+    """
+
+    R: Float[Tensor, "M 3 3"]
+    t: Float[Tensor, "M 3"]
+    K: Float[Tensor, "M 3 3"]
+
+    @property
+    def focal_px(self) -> Float[np.ndarray, " M"]:
+        """Focal lengths."""
+        return self.K[:, 0, 0].cpu().numpy()
+
+    def in_axes_of(self, reference: int) -> Cameras:
+        """The same cameras with the axes of one of them as the world's."""
+        R = self.R @ self.R[reference].T
+        return Cameras(R, self.t - R @ self.t[reference], self.K)
+
+
+def cameras_from_motion(
+    aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int
+) -> Cameras:
+    """Rigid alignment of all videos' motions (section 3.2, "Initialization").
+
+    With every motion in its own camera's axes, a camera's rotation is a robust average of root
+    orientations, its translation a robust mean of distances between root paths. The first consensus
+    is the reference alone; each round replaces it by the consensus of all videos, so that every
+    pair of videos counts.
+    """
+    R_root = aligned.R_local[:, :, 0]
+    videos = len(R_root)
+    R = torch.eye(3).to(R_root).repeat(videos, 1, 1)
+    weight = aligned.weight.clone()
+    consensus, trust = R_root[reference], weight[reference]
+    for _ in range(ROUNDS):
+        for v in range(videos):
+            relative = R_root[v] @ consensus.transpose(-1, -2)
+            share = weight[v] * trust
+            if bool((share > 0).any()):
+                average = mean_rotation(relative.cpu().numpy(), share.cpu().numpy())
+                R[v] = torch.as_tensor(average).to(R)
+        R = R @ R[reference].transpose(-1, -2)
+        R[reference] = torch.eye(3).to(R)
+        in_world = R.transpose(-1, -2)[:, None] @ R_root
+        consensus = chordal_mean(in_world, weight)
+        angle = geodesic_angle(in_world, consensus[None])
+        consensus = chordal_mean(in_world, geman_mcclure_weight(angle, CONSENSUS_RAD, prior=weight))
+        trust = weight.amax(0)
+    return Cameras(R, _translations(aligned, R, reference), K)
+
+
+def _translations(aligned: AlignedMotions, R: Tensor, reference: int) -> Tensor:
+    """(M, 3) robust mean over frames of ``root_j - R_j root_reference``."""
+    path = aligned.root[reference]
+    shift = aligned.root - torch.einsum("mij,nj->mni", R, path)
+    share = aligned.weight * aligned.weight[reference]
+    rows = []
+    for v in range(len(R)):
+        usable = share[v].cpu().numpy()
+        if not (usable > 0).any():
+            usable = np.ones_like(usable)
+        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M))
+    t = torch.as_tensor(np.stack(rows)).to(R)
+    t[reference] = 0.0
+    return t
+
 
 TOLERANCE = 1e-3  # share of the objective that the last step of a solve lowers it by
 

@@ -1,13 +1,25 @@
-"""The interface of a term of the objective."""
+"""The interface of a term of the objective, and what terms share.
+
+The interface of a term of the objective.
+
+A term with a fraction of its weight.
+
+Neighbouring frames: which exist, and values shifted in time; and a motion in pieces.
+
+Running means over time.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 
 
@@ -30,3 +42,59 @@ class Term(Protocol):
     def of(self, v: int, frames: int) -> Term:
         """The term of motion ``v`` alone (batch of 1), for its first frames."""
         ...
+
+
+@dataclass(frozen=True)
+class Tempered:
+    """``share`` of a term: evidence whose errors persist over n frames counts 1/n per frame.
+
+    Its robust weights are those of the full term, because whether a detection is an outlier does
+    not depend on its neighbours.
+    """
+
+    term: Term
+    share: float
+
+    def of(self, v: int, frames: int) -> Tempered:
+        """The same share of one motion's term."""
+        return replace(self, term=self.term.of(v, frames))
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        return self.share * self.term.cost(state)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """Everything that the term adds, times ``share``, without a second system in memory."""
+        normal.times(1 / self.share)
+        self.term.add_to(normal, state)
+        normal.times(self.share)
+
+
+PIECE = 256  # frames whose derivatives are held at once: 0.1 GB
+
+
+def pieces(frames: int) -> Iterator[slice]:
+    """The frames of a motion, `PIECE` at a time."""
+    for first in range(0, frames, PIECE):
+        yield slice(first, min(first + PIECE, frames))
+
+
+def pairs(valid: Bool[Tensor, "B T"]) -> Bool[Tensor, "B steps"]:
+    """Which pairs of neighbouring frames exist (T - 1)."""
+    return valid[:, :-1] & valid[:, 1:]
+
+
+def triples(valid: Bool[Tensor, "B T"]) -> Bool[Tensor, "B bends"]:
+    """Which three frames in a row exist (T - 2)."""
+    return valid[:, :-2] & valid[:, 1:-1] & valid[:, 2:]
+
+
+def padded(x: Float[Tensor, "B N *rest"], before: int, after: int) -> Float[Tensor, "B T *rest"]:
+    """Values with ``before`` and ``after`` zeros around them in time."""
+    return torch.nn.functional.pad(x, [0] * (2 * (x.ndim - 2)) + [before, after])
+
+
+def running_mean(values: Float[Tensor, "B C T"], half: int) -> Float[Tensor, "B C T"]:
+    """Centred means of 2 half + 1 frames, the first and last frame repeated beyond the ends."""
+    padded = torch.nn.functional.pad(values, (half, half), mode="replicate")
+    return padded.unfold(-1, 2 * half + 1, 1).mean(-1)

@@ -1,4 +1,10 @@
-"""The coupling between videos, Eq. 8's last two terms on the manifold."""
+"""The coupling between videos (Eq. 8), and joints known in 3D as evidence of articulation.
+
+The coupling between videos, Eq. 8's last two terms on the manifold.
+
+Joints known in 3D, up to a rotation and a shift, as evidence of articulation: those of a
+monocular estimator, or of the motion that all performances have in common.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +14,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.state import POSE, MotionState
+from imocap_core.body.points import PointSet
+from imocap_core.motion.normal import NormalEquations, add_product
+from imocap_core.motion.state import POSE, Body, MotionState, Points
+from imocap_core.motion.terms.base import pieces
+from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import log
+from imocap_core.rotations import project as nearest_rotation
 
 
 @dataclass(frozen=True)
@@ -71,3 +81,111 @@ class PathCoupling:
         """Linear."""
         normal.gradient[..., POSE:] += self.weight[..., None] * (state.trans - self.target)
         torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)[..., POSE:] += self.weight[..., None]
+
+
+@dataclass(frozen=True)
+class JointEvidence:
+    """Distance of the body's joints to estimated ones, after the best rotation per frame.
+
+    The rotation is solved at each linearisation, so the evidence constrains articulation only and
+    cannot pull the root orientation, which drifts in every estimator.
+
+    Attributes:
+        body: whose points are compared.
+        joints: (B, T, J, 3) metres, any axes, centred on the weighted mean of each frame; or
+            (B, T, E, J, 3): E estimates of the same motion.
+        weight: (B, T, J) or (B, T, E, J) 1/m^2, 0 for missing joints.
+        scale: Geman-McClure scale in units of the estimator's standard deviation.
+        of_keypoints: whether the J are the body's keypoints, not its 24 joints.
+    """
+
+    body: Body
+    joints: Float[Tensor, "B T *E J 3"]
+    weight: Float[Tensor, "B T *E J"]
+    scale: float
+    of_keypoints: bool = False
+
+    @property
+    def _points(self) -> PointSet:
+        return self.body.keypoints if self.of_keypoints else self.body.joints
+
+    def residual(self, xyz: Float[Tensor, "B T J 3"]) -> Float[Tensor, "B T *E J 3"]:
+        """Body minus rotated estimate, both centred."""
+        xyz = xyz if self.joints.ndim == xyz.ndim else xyz[:, :, None]
+        centred = xyz - self._centre(xyz)
+        target = self.joints - self._centre(self.joints)
+        correlation = (self.weight[..., None] * centred).mT @ target
+        eye = torch.eye(3, dtype=xyz.dtype, device=xyz.device)
+        empty = (self.weight.sum(-1) == 0)[..., None, None]
+        R = nearest_rotation(torch.where(empty, eye, correlation).detach())
+        return centred - target @ R.mT
+
+    def _centre(self, xyz: Tensor) -> Tensor:
+        return (self._share(self.weight)[..., None] * xyz).sum(-2, keepdim=True)
+
+    def _share(self, weight: Tensor) -> Tensor:
+        return weight / weight.sum(-1, keepdim=True).clamp_min(1e-12)
+
+    def of(self, v: int, frames: int) -> JointEvidence:
+        """One motion's joints."""
+        row = slice(v, v + 1)
+        return replace(self, joints=self.joints[row, :frames], weight=self.weight[row, :frames])
+
+    def _residual_at(self, state: MotionState) -> Tensor:
+        """The residual; the cost needs it, and so do the equations of the next step."""
+        return state.cached(
+            (self,), lambda: self.residual(self.body.positions(self._points, state).xyz)
+        )
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        squared = self.weight * self._residual_at(state).square().sum(-1)
+        return geman_mcclure(squared, self.scale)[0].flatten(1).sum(1)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """The rotation and the centre are constant; translation does not enter.
+
+        With weights w and shares s, centring turns the joints' weights into the matrix
+        ``diag(w) - w s^T - s w^T + (sum w) s s^T``; summed over estimates, it is multiplied with
+        the Jacobian once.
+        """
+        given = (self.weight > 0).flatten(0, -2).any(0)  # the others need no equations
+        residual = self._residual_at(state)
+        for frames in pieces(state.valid.shape[1]):
+            points = self.body.derivatives(self._points, state, frames)
+            part = replace(self, joints=self.joints[:, frames], weight=self.weight[:, frames])
+            part._add_piece(normal.of_frames(frames), points, residual[:, frames], given)
+
+    def _add_piece(
+        self, normal: NormalEquations, points: Points, residual: Tensor, given: Tensor
+    ) -> None:
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        pose, shape = (x[:, :, given] for x in (points.d_pose, points.d_beta))
+        metric, pull = self._metric(residual, given)
+        by_pose, by_shape = (
+            (metric @ x.flatten(3)).unflatten(-1, (3, -1)).flatten(2, 3) for x in (pose, shape)
+        )
+        pose, shape = pose.flatten(2, 3), shape.flatten(2, 3)
+        count, pulled = shape.shape[-1], pull.flatten(2)[..., None]
+        add_product(normal.diagonal[..., :POSE, :POSE], pose, by_pose)
+        normal.border[..., :POSE, :count] += by_pose.mT @ shape
+        normal.corner[:, :count, :count] += (shape.mT @ by_shape).sum(1)
+        normal.gradient[..., :POSE] += (pose.mT @ pulled)[..., 0]
+        normal.corner_gradient[:, :count] += (shape.mT @ pulled)[..., 0].sum(1)
+
+    def _metric(self, residual: Tensor, given: Tensor) -> tuple[Tensor, Tensor]:
+        """Weight matrix of the G given joints, (B, T, G, G), and their gradient (B, T, G, 3)."""
+        squared = self.weight * residual.square().sum(-1)
+        trust = self.weight * geman_mcclure(squared, self.scale)[1]
+        weight, trust, residual = (
+            x if self.joints.ndim == 5 else x[:, :, None]
+            for x in (self.weight[..., given], trust[..., given], residual[..., given, :])
+        )
+        share = self._share(weight)  # (B, T, E, G)
+        total = trust.sum(-1, keepdim=True)
+        crossed = (trust - total / 2 * share).mT @ share
+        metric = torch.diag_embed(trust.sum(2)) - crossed - crossed.mT
+        pull = trust[..., None] * residual
+        pull = pull - share[..., None] * pull.sum(-2, keepdim=True)
+        return metric, pull.sum(2)

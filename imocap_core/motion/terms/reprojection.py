@@ -1,23 +1,320 @@
-"""L_2d of Eq. 3: detected keypoints against the projected body, in one or several views."""
+"""L_2d of Eq. 3: detected keypoints against the projected body, in one or several views.
+
+Inner solve (variable projection): the rigid offsets that fit a view's frames best.
+
+Plain Gauss-Newton on six unknowns a frame. Every frame is by itself and small, and this runs at
+every state that is tried, so it works in the camera's axes, where a projection's derivative has
+four entries, and on planes (B, T, K) of one coordinate of all points; what is quadratic in a
+frame's rows is one product. The descent of the outer solve (`solver.descent`) would evaluate the
+cost of every step besides: the prior keeps these steps from running away without it.
+
+Residuals of several views of the same points, added to the normal equations at once.
+
+A view's residuals depend on the body through its points alone. So the residuals of all views are
+first gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
+Jacobian instead of one a view.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms.in_time import pieces
-from imocap_core.motion.terms.inner_solve import solve_rigid_offsets
-from imocap_core.motion.terms.rigid_offset import RIGID, by_rigid_offset, with_rigid_offset
-from imocap_core.motion.terms.view import View, project, projection_jacobian
-from imocap_core.motion.terms.view_residuals import ViewResiduals, add_view_residuals, whitened
-from imocap_core.robust import geman_mcclure
+from imocap_core.motion.normal import NormalEquations, add_product
+from imocap_core.motion.state import POSE, Body, MotionState, Points
+from imocap_core.motion.terms.base import pieces
+from imocap_core.motion.terms.view import (
+    NEAREST_M,
+    RIGID,
+    View,
+    by_rigid_offset,
+    project,
+    projection_jacobian,
+    with_rigid_offset,
+)
+from imocap_core.robust import geman_mcclure, geman_mcclure_root
 from imocap_core.rotations import exp, hat
+
+INNER_STEPS = 30  # at most
+CONVERGED = 1e-4  # rad, m: change of an offset in the last step
+
+
+@torch.no_grad()  # at their optimum the offsets' change does not change the cost
+def solve_rigid_offsets(
+    view: View,
+    scale: float,
+    xyz: Float[Tensor, "B T K 3"],
+    pivot: Float[Tensor, "B T 3"],
+    precision: Float[Tensor, "B T 6"],
+    start: Float[Tensor, "B T 6"] | None = None,
+) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 6 6"]]:
+    """Rigid offsets of a view's frames, and their precision matrices.
+
+    Args:
+        view: the detected keypoints; scale: of the Geman-McClure loss.
+        xyz: points of the common motion; pivot: its root.
+        precision: inverse variances of the offsets, 1/rad^2 and 1/m^2.
+        start: offsets of a nearby problem, or None: from zero.
+
+    Returns:
+        Rotation and translation in the state's axes, and their inverse covariance.
+    """
+    frames = _CameraAxes.of(view, scale, xyz, pivot)
+    both = _twice(view.R)[:, None]  # rotation and translation, to camera axes
+    prior = both @ torch.diag_embed(precision) @ both.mT
+    d = torch.zeros_like(precision) if start is None else _to_state(start, view.R.mT)
+    for _ in range(INNER_STEPS):
+        square = frames.square(d)
+        sharpness = square[..., :6, :6] + prior
+        gradient = square[..., :6, 6] + (prior * d[..., None, :]).sum(-1)
+        step = torch.linalg.solve(sharpness, gradient)
+        d = d - step
+        if float(_to_state(step, view.R).abs().max()) < CONVERGED:
+            break
+    return _to_state(d, view.R), both.mT @ sharpness @ both
+
+
+@dataclass(frozen=True)
+class _CameraAxes:
+    """One view's keypoints and the common motion's, in camera axes.
+
+    Attributes:
+        arms: (B, T, 3, K) from the root, root: (B, T, 3), both metres.
+        fx, fy: (B, 1, 1) pixels; x_px, y_px: (B, T, K) from the principal point.
+        weight: (B, T, K) 1/px^2, and its root; scale: of the Geman-McClure loss.
+    """
+
+    arms: Tensor
+    root: Tensor
+    fx: Tensor
+    fy: Tensor
+    x_px: Tensor
+    y_px: Tensor
+    weight: Tensor
+    weight_root: Tensor
+    scale: float
+
+    @classmethod
+    def of(cls, view: View, scale: float, xyz: Tensor, pivot: Tensor) -> _CameraAxes:
+        R, centre = view.R[:, None], view.K[:, None, None, :2, 2]
+        x_px, y_px = (view.xy_px - centre).unbind(-1)
+        return cls(
+            arms=R @ (xyz - pivot[..., None, :]).mT,
+            root=(R @ pivot[..., None])[..., 0] + view.shift,
+            fx=view.K[:, 0, 0, None, None],
+            fy=view.K[:, 1, 1, None, None],
+            x_px=x_px.contiguous(),
+            y_px=y_px.contiguous(),
+            weight=view.weight,
+            weight_root=view.weight.sqrt(),
+            scale=scale,
+        )
+
+    def square(self, d: Tensor) -> Tensor:
+        """(B, T, 7, 7) products of the rows [by rotation | by translation | residual] at offsets d.
+
+        An arm a at the end of a derivative J by the point rotates it: ``J (w x a) = (a x J) w``.
+        """
+        arms = exp(d[..., :3]) @ self.arms
+        ax, ay, az = arms.unbind(-2)
+        x, y, z = (arms + (self.root + d[..., 3:])[..., None]).unbind(-2)
+        nearness = 1 / z.clamp_min(NEAREST_M)
+        x, y = x * nearness, y * nearness
+        u, v = x * self.fx - self.x_px, y * self.fy - self.y_px
+        root = self.weight_root * geman_mcclure_root(self.weight * (u * u + v * v), self.scale)
+        near = root * nearness
+        ux, vy = near * self.fx, near * self.fy
+        uz, vz, zero = -ux * x, -vy * y, torch.zeros_like(x)
+        rows = torch.stack(
+            [
+                ay * uz, ay * vz - az * vy,
+                az * ux - ax * uz, -ax * vz,
+                -ay * ux, ax * vy,
+                ux, zero, zero, vy, uz, vz,
+                u * root, v * root,
+            ],
+            -2,
+        ).unflatten(-2, (7, 2)).flatten(-2)  # fmt: skip
+        return rows @ rows.mT
+
+
+def _to_state(d: Tensor, R: Tensor) -> Tensor:
+    """Offsets (B, T, 6) from camera axes to the state's."""
+    return (d.unflatten(-1, (2, 3)).flatten(1, 2) @ R).view(d.shape)
+
+
+def _twice(R: Tensor) -> Tensor:
+    """(B, 6, 6) with R (B, 3, 3) twice on the diagonal."""
+    both = R.new_zeros(len(R), 6, 6)
+    both[:, :3, :3] = both[:, 3:, 3:] = R
+    return both
+
+
+@dataclass(frozen=True)
+class ViewResiduals:
+    """One view's weighted residuals and their derivatives; R = 2 K of them a frame.
+
+    Attributes:
+        residual: (B, T, R).
+        by_point: (B, T, R, 3) by each residual's point, rigid offset included.
+        by_common_point: (B, T, R, 3) by the point of the common motion, without the offset.
+        by_camera: (B, T, R, m) by the globals in ``columns``, or None: a known camera.
+        by_offset: (B, T, 6, R) whitened derivative by the rigid offset (`whitened`), or None.
+    """
+
+    residual: Float[Tensor, "B T R"]
+    by_point: Float[Tensor, "B T R 3"]
+    by_common_point: Float[Tensor, "B T R 3"]
+    by_camera: Float[Tensor, "B T R m"] | None = None
+    columns: list[int] = field(default_factory=list)
+    by_offset: Float[Tensor, "B T 6 R"] | None = None
+
+
+def whitened(
+    by_offset: Float[Tensor, "B T R 6"], precision: Float[Tensor, "B T 6"]
+) -> Float[Tensor, "B T 6 R"]:
+    """Rows V such that ``V^T V`` is the information that R residuals lose to their offset.
+
+    With the derivative S and the precision P the loss is ``S (S^T S + P)^-1 S^T``: the Schur
+    complement that eliminates the offset.
+    """
+    information = by_offset.mT @ by_offset + torch.diag_embed(precision)
+    factor, _ = torch.linalg.cholesky_ex(information)
+    return torch.linalg.solve_triangular(factor, by_offset.mT, upper=False)
+
+
+def add_view_residuals(
+    normal: NormalEquations,
+    points: Points,
+    views: Sequence[ViewResiduals],
+    movers: int,
+    shapes: slice,
+) -> None:
+    """Add ``J^T W J`` and ``J^T W r`` of all views.
+
+    The unknowns of a frame are pose and translation; of the globals the shape (in the columns
+    ``shapes``) and the cameras. Of the pose the first ``movers`` joints alone move the points.
+    """
+    assert points.d_pose is not None
+    assert points.d_beta is not None
+    of_joints = slice(3 * movers)
+    d_pose = points.d_pose[..., of_joints]
+    pose, shape = d_pose.flatten(2, 3), points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
+    metric, mixed, moved = _metric(views)
+    add_product(normal.diagonal[..., of_joints, of_joints], pose, (metric @ d_pose).flatten(2, 3))
+    residual, pull = _residual(views)
+    cameras = [view for view in views if view.by_camera is not None]
+    offset = [view for view in views if view.by_offset is not None]
+    columns = [mixed.flatten(2, 3), (metric @ points.d_beta).flatten(2, 3), residual]
+    columns += [_at_points(view.by_common_point, view.by_camera) for view in cameras]
+    columns += [
+        _at_points(view.by_common_point, view.by_offset.mT)
+        for view in offset
+        if view.by_offset is not None
+    ]
+    sizes = [x.shape[-1] for x in columns]
+    together = torch.cat(columns, -1)
+    of_pose, of_shape = ((x.mT @ together).split(sizes, -1) for x in (pose, shape))
+    normal.diagonal[..., of_joints, POSE:] += of_pose[0]
+    normal.diagonal[..., POSE:, of_joints] += of_pose[0].mT
+    normal.diagonal[..., POSE:, POSE:] += moved
+    normal.border[..., of_joints, shapes] += of_pose[1]
+    normal.border[..., POSE:, shapes] += of_shape[0].mT
+    normal.corner[:, shapes, shapes] += of_shape[1].sum(1)
+    normal.gradient[..., of_joints] += of_pose[2][..., 0]
+    normal.gradient[..., POSE:] += pull
+    normal.corner_gradient[:, shapes] += of_shape[2][..., 0].sum(1)
+    for view, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
+        _add_camera(normal, view, by_pose, by_shape, shapes)
+    if offset:
+        first = 3 + len(cameras)
+        by_pose, by_shape = (torch.cat(x[first:], -1) for x in (of_pose, of_shape))
+        _eliminate_offsets(normal, offset, by_pose, by_shape, shapes)
+
+
+def _metric(views: Sequence[ViewResiduals]) -> tuple[Tensor, Tensor, Tensor]:
+    """Products of pose with pose and with translation, (B, T, K, 3, 3) a point, and of translation
+    with itself, (B, T, 3, 3)."""
+    metric, mixed, moved = (torch.zeros((), device=views[0].residual.device),) * 3
+    for view in views:
+        common, point = (x.unflatten(2, (-1, 2)) for x in (view.by_common_point, view.by_point))
+        metric = metric + common.mT @ common
+        mixed = mixed + common.mT @ point
+        moved = moved + view.by_point.mT @ view.by_point
+    return metric, mixed, moved
+
+
+def _residual(views: Sequence[ViewResiduals]) -> tuple[Tensor, Tensor]:
+    """Gradient by the points of the common motion (B, T, 3K, 1), and by its translation
+    (B, T, 3)."""
+    by_points = [_at_points(view.by_common_point, view.residual[..., None]) for view in views]
+    by_translation = [(view.by_point.mT @ view.residual[..., None])[..., 0] for view in views]
+    return torch.stack(by_points).sum(0), torch.stack(by_translation).sum(0)
+
+
+def _at_points(by_common_point: Tensor, rows: Tensor | None) -> Tensor:
+    """(B, T, 3K, n) of rows (B, T, 2K, n): each residual's, carried to its point."""
+    assert rows is not None
+    of_point = by_common_point.unflatten(2, (-1, 2)).mT @ rows.unflatten(2, (-1, 2))
+    return of_point.flatten(2, 3)
+
+
+def _add_camera(
+    normal: NormalEquations, view: ViewResiduals, by_pose: Tensor, by_shape: Tensor, shapes: slice
+) -> None:
+    """A free camera's equations; by_pose (B, T, 3J, m), by_shape (B, T, n, m): with the others."""
+    assert view.by_camera is not None
+    columns = view.columns
+    rows = view.by_camera.flatten(1, 2)
+    normal.border[..., : by_pose.shape[2], columns] += by_pose
+    normal.border[..., POSE:, columns] += view.by_point.mT @ view.by_camera
+    _add_corner(normal, columns, shapes, by_shape.sum(1), rows.mT @ rows)
+    gradient = (rows.mT @ view.residual.flatten(1)[..., None])[..., 0]
+    normal.corner_gradient[:, columns] += gradient
+
+
+def _eliminate_offsets(
+    normal: NormalEquations,
+    views: Sequence[ViewResiduals],
+    by_pose: Tensor,
+    by_shape: Tensor,
+    shapes: slice,
+) -> None:
+    """Subtract what the rigid offsets of V views could explain: six rows a frame and view.
+
+    The gradient stays: the offsets' own is zero once the inner solve has converged.
+
+    Args:
+        by_pose: (B, T, 3J, 6V) derivatives of the offsets by the pose; by_shape: (B, T, n, 6V).
+    """
+    by_translation = torch.cat(
+        [view.by_offset @ view.by_point for view in views if view.by_offset is not None], -2
+    )
+    by_pose = torch.nn.functional.pad(by_pose, (0, 0, 0, POSE - by_pose.shape[2]))
+    frame, others = torch.cat([by_pose, by_translation.mT], -2), by_shape.mT  # (B, T, 75, 6V)
+    add_product(normal.diagonal, frame.mT, frame.mT, share=-1.0)
+    normal.border[..., shapes] -= frame @ others
+    normal.corner[:, shapes, shapes] -= others.flatten(1, 2).mT @ others.flatten(1, 2)
+    for k, view in enumerate(views):
+        if view.by_camera is None or view.by_offset is None:
+            continue
+        six, camera = slice(6 * k, 6 * k + 6), view.by_offset @ view.by_camera
+        normal.border[..., view.columns] -= frame[..., six] @ camera
+        flat = camera.flatten(1, 2)
+        crossed = by_shape[..., six].transpose(1, 2).flatten(2) @ flat
+        _add_corner(normal, view.columns, shapes, -crossed, -flat.mT @ flat)
+
+
+def _add_corner(
+    normal: NormalEquations, columns: list[int], shapes: slice, crossed: Tensor, square: Tensor
+) -> None:
+    normal.corner[:, [[k] for k in columns], columns] += square
+    normal.corner[:, shapes, columns] += crossed
+    normal.corner[:, columns, shapes] += crossed.mT
 
 
 @dataclass(frozen=True)

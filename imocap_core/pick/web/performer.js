@@ -2,7 +2,7 @@
 
 import { peopleOf, spanOf } from "./store.js";
 
-const MAX_DISTANCE = 0.5; // as in imocap_core/people/declared.py
+const MAX_DISTANCE = 0.5; // as in imocap_core/people/performer.py
 
 function distance(box, { at, box: other }) {
   if (other) {

@@ -1,11 +1,61 @@
-"""What is decided about whole videos, by whichever evidence."""
+"""Which videos are mirrored, and which show another action, decided and said in words.
+
+What is decided about whole videos, by whichever evidence.
+
+Outliers: videos of another action.
+
+An outlier lies further from the others than they from each other, and either follows their order of
+time no better than any other video, or lies far whatever it follows.
+
+By how much a video lies further is the natural logarithm of its residual with the two others that
+it fits best, over the median residual of the pairs without it (root mean squares). Videos of one
+action have about 0, whatever the estimates' noise and however differently people perform, because
+both raise every residual alike. Of the two directions of a pair the better one counts: a short clip
+fits into a long one, and not the other way round. A fixed square is added above and below, so that
+with precise estimates a performance that differs a little is no outlier.
+
+* By the order of time: the logarithm of the warp residuals, less what the video gains by the
+  others' order (`temporal_order.order_gains`), with the two that it gains most with, beyond a fifth
+  of what is usual among the others. A bad estimate of the right action lies far from the others
+  too, and yet follows them.
+* By persistent difference: another action may share the rhythm, as one stroke does with another,
+  and then gains much of what the others gain. But its difference persists, where a bad estimate
+  errs only at times: so the logarithm of the squares of the persistent differences
+  (`persistent_difference`), less an allowance, and less what the video gains beyond what only the
+  same action gains.
+
+The score is the exponential of the larger of the two.
+
+Which videos are mirrored, and which show another action, from the joint explanations.
+
+A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
+and most videos clearly better as they are taken; where most do not, or by no more than detectors
+err, the action is nearly its own mirror image, and nothing is decided. Of several at once each has
+to be so many times as clear. A video shows another action where the others' motion explains it no
+better than a static pose would, much worse than they explain each other without it, and much less
+of its change over time than of theirs: who moves as they do, slower, seen from another side or
+badly in places, takes part. One is decided at a time, the clearest first, and the rest is explained
+anew. What is not clear is undecided: reported, never acted on.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+
+from imocap_core.sync.screening.explanation import (
+    LEAST_RESIDUAL,
+    Explanations,
+    PairResiduals,
+    ScreenedVideo,
+    explanations,
+    likely_signs,
+    pair_residuals,
+    with_sides_corrected,
+)
 
 
 @dataclass(frozen=True)
@@ -28,3 +78,277 @@ class Decisions:
     clearly_mirrored: tuple[int, ...] = ()
     undecided: tuple[int, ...] = ()
     symmetric: bool = False
+
+
+# Chosen on training clips (docs/sync.md). All but a few videos of one action stay below 1.07 there.
+LARGEST_SCORE = 1.1
+FITTING_SHARE = 0.8  # of the frames; the rest is room for what only one video shows
+ORDER_WEIGHT = 5.0
+OWED_SHARE = 0.2
+PERFORMANCE_M = 0.05  # the fixed part of a warp residual
+PERSISTENT_M = 0.1  # the fixed part of a persistent difference
+PERSISTENT_EXCESS = 0.35  # allowed of its square (logarithm), whatever is followed
+CLEAR_GAIN = 0.4  # a video that gains more by the others' order of time shows their action
+CLOSEST = 2  # others that a video is compared with
+FEWEST = 3  # of two videos it is undecidable which of them is the other action
+
+
+def outlier_scores(
+    residuals: Float[np.ndarray, "M M"],
+    gains: Float[np.ndarray, "M M"],
+    persistent: Float[np.ndarray, "M M"],
+) -> Float[np.ndarray, " M"]:
+    """Scores of videos; NaN for fewer than three, and where nothing is given.
+
+    Args:
+        residuals: warp residuals, metres.
+        gains: of the order of time.
+        persistent: persistent differences, metres.
+    """
+    M = len(residuals)
+    scores = np.full(M, np.nan)
+    if M < FEWEST:
+        return scores
+    follows = _largest_gains(gains)
+    for v in range(M):
+        owed = OWED_SHARE * float(np.median(np.delete(follows, v)))
+        further = _relative_distance(residuals, v, PERFORMANCE_M)
+        by_order = further - ORDER_WEIGHT * max(follows[v] - owed, 0.0)
+        excess = 2.0 * _relative_distance(persistent, v, PERSISTENT_M) - PERSISTENT_EXCESS
+        by_difference = excess - ORDER_WEIGHT * max(follows[v] - CLEAR_GAIN, 0.0)
+        scores[v] = np.exp(np.fmax(by_order, by_difference))
+    return scores
+
+
+def _relative_distance(residuals: np.ndarray, v: int, floor: float) -> float:
+    """By how much (logarithm) video v lies further from the others than they from each other."""
+    better = np.fmin(residuals, residuals.T) ** 2 + floor**2
+    of_video = _others(better[v], v)
+    rest = np.delete(np.delete(better, v, axis=0), v, axis=1)
+    rest = rest[np.isfinite(rest)]
+    if not len(of_video) or not len(rest):
+        return np.nan
+    return 0.5 * float(np.log(np.sort(of_video)[:CLOSEST].mean() / np.median(rest)))
+
+
+def _largest_gains(gains: np.ndarray) -> np.ndarray:
+    """Gain (M,) of each video by the others' order of time; 0 where nothing is given."""
+    largest = [np.sort(_others(row, v))[-CLOSEST:] for v, row in enumerate(gains)]
+    return np.array([float(g.mean()) if len(g) else 0.0 for g in largest])
+
+
+def _others(row: np.ndarray, v: int) -> np.ndarray:
+    others = np.delete(row, v)
+    return np.asarray(others[np.isfinite(others)])
+
+
+def find_outliers(
+    residuals: Float[np.ndarray, "M M"],
+    gains: Float[np.ndarray, "M M"],
+    persistent: Float[np.ndarray, "M M"],
+    never: Bool[np.ndarray, " M"] | None = None,
+) -> tuple[list[int], Float[np.ndarray, " M"]]:
+    """The videos of another action, in the order of detection, and every video's score.
+
+    The worst is taken out and the rest scored again, until none stands out or no more than half of
+    the videos would be left: what most of them show is the action. An outlier's score is the one it
+    was taken out by. Arguments as of `outlier_scores`; `never`: videos that must stay.
+    """
+    most = (len(residuals) - 1) // 2
+    left = list(range(len(residuals)))
+    scores = np.full(len(residuals), np.nan)
+    outliers: list[int] = []
+    while True:
+        pairs = np.ix_(left, left)
+        current = outlier_scores(residuals[pairs], gains[pairs], persistent[pairs])
+        scores[left] = current
+        able = [k for k, v in enumerate(left) if never is None or not never[v]]
+        judged = [k for k in able if np.isfinite(current[k])]
+        worst = max(judged, key=lambda k: current[k], default=None)
+        if worst is None or current[worst] <= LARGEST_SCORE or len(outliers) == most:
+            return outliers, scores
+        outliers.append(left.pop(worst))
+
+
+# Natural logarithms of ratios of residuals, chosen on development scenes (docs/sync.md).
+CLEAR_REFLECTION = 0.3  # from which a video is mirrored
+DECIDABLE_REFLECTION = (
+    0.33  # of the median video, from which an action differs from its mirror image
+)
+LEAST_ASYMMETRY = 0.13  # share of the spread, of a video and of three quarters of all
+ANOTHER_ACTION = 0.18  # score from which a video shows another action
+EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
+REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
+SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
+FOLLOWED = 0.4  # of the others' explained change: more is the same action
+LEAST_CHANGE = 0.05  # explained, below which nobody is compared
+EXPLAINED_OTHERS = -0.1  # the others' median excess over a static pose must lie below
+SIGN_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class _Members:
+    """The videos that are left, which of them are taken as mirrored, and their explanations."""
+
+    left: list[int]
+    signs: Int[np.ndarray, " L"]
+    explained: Explanations
+
+
+def decide_by_keypoints(
+    videos: Sequence[ScreenedVideo],
+    twins: Sequence[int],
+    pinned: Sequence[bool],
+    never_outliers: Bool[np.ndarray, " M"],
+    *,
+    look_mirrored: bool,
+    look_outliers: bool,
+) -> Decisions:
+    """Decide on two videos or more.
+
+    Args:
+        pinned: videos whose reflection is given; never_outliers: videos that stay in any case.
+    """
+    M = len(videos)
+    pairs = pair_residuals(videos, twins)
+    fixed = np.asarray(pinned) if look_mirrored else np.ones(M, dtype=bool)
+    margin, score = np.full(M, np.nan), np.full(M, np.nan)
+    left: list[int] = list(range(M))
+    outliers: list[int] = []
+    members = _explained(left, videos, twins, pairs, fixed)
+    while True:
+        margin[left] = members.signs * members.explained.reflected
+        score[left] = _scores(members.explained)
+        able = [v for v in left if not never_outliers[v]]
+        suspect = max(able, key=lambda v: score[v], default=None) if look_outliers else None
+        if suspect is None or score[suspect] < SUSPICIOUS or len(left) < FEWEST:
+            break
+        rest = [v for v in left if v != suspect]
+        without = _explained(rest, videos, twins, pairs, fixed)
+        score[suspect] = _score_without(
+            members.explained, left.index(suspect), without.explained, twins
+        )
+        if score[suspect] <= ANOTHER_ACTION or len(outliers) == (M - 1) // 2:
+            break
+        outliers.append(suspect)
+        left, members = rest, without
+    mirrored = tuple(v for v, s in zip(left, members.signs, strict=True) if s < 0)
+    doubtful = tuple(v for v in left if score[v] > DOUBTFUL) if look_outliers else ()
+    return Decisions(
+        mirrored=mirrored,
+        clearly_mirrored=mirrored,
+        outliers=tuple(sorted(outliers)),
+        undecided=doubtful,
+        symmetric=look_mirrored and not _is_decidable(members.explained),
+        margin=margin,
+        score=LARGEST_SCORE * np.exp(score - ANOTHER_ACTION),
+    )
+
+
+def _explained(
+    left: list[int],
+    videos: Sequence[ScreenedVideo],
+    twins: Sequence[int],
+    pairs: PairResiduals,
+    pinned: Bool[np.ndarray, " M"],
+) -> _Members:
+    """The explanations of some videos, mirrored only those of which it is clear."""
+    among, members = pairs.among(left), [videos[v] for v in left]
+    signs = likely_signs(among, pinned[left])
+    explained = explanations(members, twins, among, signs)
+    for _ in range(SIGN_ROUNDS):
+        better = _clear_signs(signs, explained.reflected, pinned[left])
+        if (better == signs).all():
+            break
+        signs = better
+        explained = explanations(members, twins, among, signs)
+    flips = signs < 0
+    if flips.any() and not (_is_decidable(explained) and _are_clear_together(explained, flips)):
+        signs = np.ones_like(signs)
+        explained = explanations(members, twins, among, signs)
+    return _Members(list(left), signs, explained)
+
+
+def _clear_signs(
+    signs: Int[np.ndarray, " L"], reflected: Float[np.ndarray, " L"], pinned: Bool[np.ndarray, " L"]
+) -> Int[np.ndarray, " L"]:
+    """The signs, swapped where a video fits clearly better so, -1 only where that is clear."""
+    as_given = np.where(pinned, 1, np.where(reflected >= CLEAR_REFLECTION, -signs, signs))
+    kept_mirrored = (signs > 0) | (reflected <= -CLEAR_REFLECTION)
+    return np.where(kept_mirrored, as_given, 1)
+
+
+def _is_decidable(explained: Explanations) -> bool:
+    """Whether most videos fit clearly better with their signs than in a mirror: by a ratio, which
+    noise limits, and by an amount, which a symmetric action does not reach in nearly all videos,
+    however precise they are."""
+    return bool(
+        np.median(-explained.reflected) >= DECIDABLE_REFLECTION
+        and np.quantile(-explained.asymmetry, 0.25) >= LEAST_ASYMMETRY
+    )
+
+
+def _are_clear_together(explained: Explanations, flips: Bool[np.ndarray, " L"]) -> bool:
+    """Whether videos that fit better reflected are clear as a group: several of them are rare, and
+    a walk half a cycle later looks like its mirror image."""
+    ratio, amount = -explained.reflected[flips], -explained.asymmetry[flips]
+    return bool(
+        (ratio >= CLEAR_REFLECTION * flips.sum()).all() and (amount >= LEAST_ASYMMETRY).all()
+    )
+
+
+def _scores(explained: Explanations) -> Float[np.ndarray, " L"]:
+    """Each video's score, the others explained with it."""
+    scores = []
+    for v in range(len(explained.residual)):
+        others = np.delete(explained.residual, v), np.delete(explained.change, v)
+        scores.append(_score(explained, v, _measures(explained, v), others))
+    return np.array(scores)
+
+
+def _score_without(
+    explained: Explanations, video: int, rest: Explanations, twins: Sequence[int]
+) -> float:
+    """The score of a video, the others explained without it; undecided if these are not clearly.
+
+    Where it would be another action, its left and right may have been swapped by the detector.
+    """
+    others = rest.residual, rest.change
+    score = _score(explained, video, _measures(explained, video), others)
+    if score > ANOTHER_ACTION:
+        corrected = with_sides_corrected(explained, video, twins)
+        score = min(score, _score(explained, video, corrected, others))
+    are_explained = np.median(rest.static) <= EXPLAINED_OTHERS
+    return score if are_explained else min(score, ANOTHER_ACTION)
+
+
+def _measures(explained: Explanations, video: int) -> tuple[float, float, float]:
+    """A video's residual, the same over a static pose's, and its explained change."""
+    residual, static = float(explained.residual[video]), float(explained.static[video])
+    return residual, static, float(explained.change[video])
+
+
+def _score(
+    explained: Explanations,
+    video: int,
+    measures: tuple[float, float, float],
+    others: tuple[np.ndarray, np.ndarray],
+) -> float:
+    """How little the others' motion explains a video, by its poses and by its change over time,
+    whichever is less.
+
+    By its poses: its residual over a static pose's and over the others', less what tells whether it
+    is mirrored.
+
+    Args:
+        measures: as of `_measures`; others: residuals and explained change of the others.
+    """
+    residual, static, change = measures
+    median_residual, median_change = (float(np.median(x)) for x in others)
+    excess = np.log(max(residual, LEAST_RESIDUAL) / max(median_residual, LEAST_RESIDUAL))
+    mirrored = REFLECTION_WEIGHT * abs(float(explained.reflected[video]))
+    followed = max(change, 0.0) / max(median_change, LEAST_CHANGE)
+    by_poses = static + EXCESS_WEIGHT * excess - mirrored
+    if median_change < LEAST_CHANGE:  # too little changes to be compared
+        return float(by_poses)
+    return float(min(by_poses, ANOTHER_ACTION + FOLLOWED - followed))

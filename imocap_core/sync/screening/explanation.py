@@ -1,5 +1,14 @@
 """How well the other videos' common motion explains a video: as it is, in a mirror, or not at all.
 
+The best camera and warp of a video's keypoints under a motion, beyond fixed directions.
+
+Common motion of several videos: their keypoints, linearly triangulated (scaled orthographic).
+
+One video's monocular motion, in its own camera's axes, gives the time and a weak prior of every
+joint. The other videos' keypoints are registered with it, which tells each camera's direction, the
+corresponding frames, and each frame's scale and place; then every joint at every moment is a linear
+least-squares problem of three unknowns. A second round registers with the motion of the first.
+
 A video's monocular poses may be wrong; its keypoints are what the joint solve has to explain. So
 each video is left out in turn, the others' keypoints are triangulated (`common_motion`), and the
 video's keypoints registered with that motion, at its own speed. Three measures tell all:
@@ -17,19 +26,253 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
-from imocap_core.sync.screening.best_camera import registered, sides_corrected
-from imocap_core.sync.screening.common_motion import motions_without
+from imocap_core.alignment import refined_rotation
 from imocap_core.sync.screening.mirror import mirrored_poses, signs_of
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
+    best_warp,
+    centred_plane,
+    pose_residuals,
     reflected_keypoints,
     registration_residual,
+    residual_share,
     unbiased_directions,
+    warp_costs,
 )
+
+SWAPPED = 0.1  # residual that a frame costs whose left and right are taken as swapped
+FITTING_SHARE = 0.8  # of the frames, in which change is compared
+TURNS_DEG = (10.0, 5.0, 2.5)  # of the best direction's refinement
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The camera and the warp under which a motion explains a video's keypoints best.
+
+    Attributes:
+        residual: mean a frame, costs of the warp included, 0 (explained) to 1.
+        static_residual: the same of the motion's best single pose, held throughout.
+        explained_change: of the keypoints over time; about 0 where chance alone matches them.
+        axes: image axes (right, down) in the motion's axes.
+        frames: (T,) of the motion.
+    """
+
+    residual: float
+    static_residual: float
+    explained_change: float
+    axes: Float[np.ndarray, "2 3"]
+    frames: Int[np.ndarray, " T"]
+
+
+def registered(
+    motion: Float[np.ndarray, "N J 3"],
+    keypoints: Keypoints2D,
+    directions: Float[np.ndarray, "D 2 3"],
+) -> Registration:
+    """The best of some directions, refined, and its warp."""
+    plane, weight = centred_plane(keypoints), keypoints.weight
+    residuals = pose_residuals(motion, keypoints, directions)
+    best = int(warp_costs(residuals).argmin())
+    frames = best_warp(residuals[best])[1]
+    poses = np.nan_to_num(motion)[frames]
+    start = np.concatenate([directions[best], np.cross(*directions[best])[None]])
+    R, _ = refined_rotation(
+        start, lambda near: _aligned_residuals(poses, plane, weight, near[:, :2]), TURNS_DEG
+    )
+    axes = R[:2]
+    refined = pose_residuals(motion, keypoints, axes[None])
+    cost, frames = best_warp(refined[0])
+    change = explained_change(np.nan_to_num(motion)[frames] @ axes.T, plane, weight)
+    static = float(residuals.mean(axis=1).min())
+    return Registration(cost / len(frames), static, change, axes, frames)
+
+
+def explained_change(
+    projected: Float[np.ndarray, "T J 2"],
+    plane: Complex[np.ndarray, "T J"],
+    weight: Float[np.ndarray, "T J"],
+) -> float:
+    """Coefficient of determination of the keypoints' change over time, at most 1.
+
+    Keypoints and projected poses are scaled and placed alike in every frame and taken about each
+    joint's mean over time, so what a motion has wrong throughout, such as its depth, costs nothing.
+    Of both the frames that lie farthest out do not count: stretches that are detected badly, or
+    that only this video shows.
+
+    Args:
+        plane: the keypoints about each frame's mean (`centred_plane`).
+    """
+    visible = weight.sum(axis=1) > 0
+    x, w = plane[visible], weight[visible]
+    total = w.sum(axis=1, keepdims=True)
+    pose = projected[visible, :, 0] + 1j * projected[visible, :, 1]
+    pose = pose - (w * pose).sum(1, keepdims=True) / total
+    spread = np.maximum((w * np.abs(pose) ** 2).sum(1, keepdims=True), 1e-12)
+    scale = np.maximum((w * (x.conj() * pose).real).sum(1, keepdims=True), 0.0) / spread
+    size = np.sqrt(np.maximum((w * np.abs(x) ** 2).sum(1, keepdims=True) / total, 1e-12))
+    if not len(x):
+        return 0.0
+    return 1.0 - _change((x - scale * pose) / size, w) / max(_change(x / size, w), 1e-12)
+
+
+def _change(values: Complex[np.ndarray, "T J"], weight: Float[np.ndarray, "T J"]) -> float:
+    """Mean square about each joint's mean over time, of the FITTING_SHARE of frames next to it."""
+    mean = (weight * values).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    square = (weight * np.abs(values - mean) ** 2).sum(axis=1) / weight.sum(axis=1)
+    return float(np.sort(square)[: max(1, round(FITTING_SHARE * len(square)))].mean())
+
+
+def sides_corrected(
+    motion: Float[np.ndarray, "N J 3"],
+    keypoints: Keypoints2D,
+    directions: Float[np.ndarray, "D 2 3"],
+    twins: Sequence[int],
+) -> tuple[Keypoints2D, float]:
+    """The keypoints with left and right swapped where that fits a motion clearly better.
+
+    Also what the swap costs, mean a frame: a detector that takes the back for the front.
+    """
+    columns = list(twins)
+    other = Keypoints2D(keypoints.xy_px[:, columns], keypoints.weight[:, columns])
+    as_given, other_sides = (pose_residuals(motion, k, directions) for k in (keypoints, other))
+    least = np.minimum(as_given, other_sides + SWAPPED)
+    best = int(warp_costs(least).argmin())
+    frames = best_warp(least[best])[1]
+    rows = np.arange(len(frames))
+    swapped = (other_sides[best] + SWAPPED < as_given[best])[rows, frames]
+    corrected = Keypoints2D(
+        np.where(swapped[:, None, None], other.xy_px, keypoints.xy_px),
+        np.where(swapped[:, None], other.weight, keypoints.weight),
+    )
+    return corrected, SWAPPED * float(swapped.mean())
+
+
+def _aligned_residuals(
+    poses: Float[np.ndarray, "T J 3"],
+    plane: Complex[np.ndarray, "T J"],
+    weight: Float[np.ndarray, "T J"],
+    directions: Float[np.ndarray, "D 2 3"],
+) -> Float[np.ndarray, " D"]:
+    """Mean of `pose_residuals` over frames whose poses correspond."""
+    projected = np.einsum("dij,tkj->ditk", directions, poses)
+    pose = projected[:, 0] + 1j * projected[:, 1]
+    total = np.maximum(weight.sum(1), 1e-12)
+    pose = pose - ((weight * pose).sum(2) / total)[..., None]
+    product = (weight * (plane.conj() * pose).real).sum(2)
+    spread = (weight * np.abs(pose) ** 2).sum(2)
+    size = (weight * np.abs(plane) ** 2).sum(1)
+    return np.asarray(residual_share(product, spread, size).mean(axis=1))
+
+
+PRIOR = 0.3  # weight of the monocular motion's joints; a visible keypoint weighs up to 1
+ROUNDS = 2
+IMAGE_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # right, down of a camera in its own axes
+
+
+@dataclass(frozen=True)
+class NormalMatrices:
+    """Normal equations of every joint at every moment."""
+
+    matrix: Float[np.ndarray, "N J 3 3"]
+    right_side: Float[np.ndarray, "N J 3"]
+
+    def __add__(self, other: NormalMatrices) -> NormalMatrices:
+        return NormalMatrices(self.matrix + other.matrix, self.right_side + other.right_side)
+
+    def solved(self) -> Float[np.ndarray, "N J 3"]:
+        """The joints."""
+        return np.asarray(np.linalg.solve(self.matrix, self.right_side[..., None])[..., 0])
+
+
+def motions_without(
+    motions: Sequence[Float[np.ndarray, "_ J 3"]],
+    keypoints: Sequence[Keypoints2D],
+    residuals: Float[np.ndarray, "M M"],
+    directions: Float[np.ndarray, "D 2 3"],
+) -> list[Float[np.ndarray, "_ J 3"]]:
+    """For every video the common motion of all others.
+
+    Args:
+        motions, keypoints: of two videos or more, none of them a mirror image of another.
+        residuals: of video j's keypoints with video i's motion (`registration_residual`).
+    """
+    every = list(range(len(motions)))
+    first = _central(every, residuals)
+    rest = [v for v in every if v != first]
+    second = _central(rest, residuals)
+    common: dict[int, np.ndarray] = {}
+    for reference, members, left_out in ((first, every, rest), (second, rest, [first])):
+        others = [v for v in members if v != reference]
+        parts = _parts(reference, others, motions, keypoints, residuals, directions)
+        for v in left_out:
+            common[v] = _total([part for u, part in parts.items() if u != v]).solved()
+    return [common[v] for v in every]
+
+
+def _total(parts: Sequence[NormalMatrices]) -> NormalMatrices:
+    return reduce(add, parts)
+
+
+def _central(videos: Sequence[int], residuals: Float[np.ndarray, "M M"]) -> int:
+    """The video whose motion explains the others' keypoints best."""
+    totals = {v: sum(residuals[v, u] for u in videos if u != v) for v in videos}
+    return min(totals, key=lambda v: totals[v])
+
+
+def _parts(
+    reference: int,
+    others: Sequence[int],
+    motions: Sequence[np.ndarray],
+    keypoints: Sequence[Keypoints2D],
+    residuals: Float[np.ndarray, "M M"],
+    directions: np.ndarray,
+) -> dict[int, NormalMatrices]:
+    """What each video adds to the normal equations, the reference's prior included."""
+    joints = np.nan_to_num(motions[reference])
+    motion = joints - joints.mean(axis=1, keepdims=True)
+    own_view = Registration(0.0, 1.0, 1.0, IMAGE_AXES, np.arange(len(motion)))
+    eye = np.broadcast_to(PRIOR * np.eye(3), (*motion.shape[:2], 3, 3))
+    fixed = NormalMatrices(eye, PRIOR * motion)
+    fixed += _normal_matrices(motion, keypoints[reference], own_view, 1.0)
+    least = min((residuals[reference, u] for u in others), default=1.0)
+    parts = {reference: fixed}
+    for _ in range(ROUNDS):
+        for u in others:
+            view = registered(motion, keypoints[u], directions)
+            weight = float((least / max(residuals[reference, u], 1e-9)) ** 2)
+            parts[u] = _normal_matrices(motion, keypoints[u], view, weight)
+        motion = _total(list(parts.values())).solved()
+    return parts
+
+
+def _normal_matrices(
+    motion: Float[np.ndarray, "N J 3"], keypoints: Keypoints2D, view: Registration, share: float
+) -> NormalMatrices:
+    """Normal equations of one video's keypoints, scaled and placed like the projected motion."""
+    weight, axes = keypoints.weight, view.axes
+    projected = motion[view.frames] @ axes.T
+    total = np.maximum(weight.sum(1), 1e-12)[:, None, None]
+    w = weight[..., None]
+    given = np.where(w > 0, keypoints.xy_px, 0.0)
+    x = np.where(w > 0, given - (w * given).sum(1, keepdims=True) / total, 0.0)
+    middle = (w * projected).sum(1, keepdims=True) / total
+    p = projected - middle
+    product, spread = (w * x * p).sum((1, 2)), (w * p * p).sum((1, 2))
+    scale = np.maximum(product, 1e-9) / np.maximum(spread, 1e-9)
+    placed = x / np.maximum(scale, 1e-6)[:, None, None] + middle
+    repeats = np.bincount(view.frames, minlength=len(motion))[view.frames]
+    weight = share * weight / np.maximum(repeats, 1)[:, None]
+    matrix, right_side = np.zeros((*motion.shape, 3)), np.zeros(motion.shape)
+    np.add.at(matrix, view.frames, weight[..., None, None] * (axes.T @ axes))
+    np.add.at(right_side, view.frames, weight[..., None] * (placed @ axes))
+    return NormalMatrices(matrix, right_side)
+
 
 MOST_FRAMES = 60  # of each video that are compared
 COARSE = 2  # every second of them, for pairs of videos

@@ -1,16 +1,26 @@
-"""Dynamic time warping with open ends (Sakoe and Chiba 1978; the paper's last step of
+"""Dynamic time warping with open ends, and the paper's last step: a path on each relaxed block.
+
+Dynamic time warping with open ends (Sakoe and Chiba 1978; the paper's last step of
 synchronisation).
 
 A path runs monotonically through the cost matrix. Every frame of either video pays once: the cost
 of the cell it is matched in, or `skip` when it lies before the path's start or after its end. A
 diagonal step therefore weighs two (a frame of each video), a straight step one; swapping the
 videos transposes the path. An infinite `skip` closes the ends.
+
+Warps as in the paper: one DTW path on each relaxed block (section 3.1).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, Int
+
+from imocap_core.params import SyncParams
+from imocap_core.sync.maps import BlockMaps
+from imocap_core.sync.warp.template import mass_within
 
 _START, _DIAGONAL, _DOWN, _RIGHT = 0, 1, 2, 3
 
@@ -98,3 +108,41 @@ def positions_of_rows(path: Int[np.ndarray, "L 2"], n: int) -> Float[np.ndarray,
     count = np.bincount(path[:, 0], minlength=n)
     total = np.bincount(path[:, 0], weights=path[:, 1], minlength=n)
     return np.divide(total, count, out=np.full(n, np.nan), where=count > 0)
+
+
+def dtw_warps(
+    relaxed: BlockMaps,
+    soft_maps: BlockMaps,
+    reference: int,
+    fps: Sequence[float],
+    params: SyncParams,
+) -> tuple[list[Float[np.ndarray, "_T"]], list[Float[np.ndarray, "_T"]]]:
+    """Positions of each video's frames in the reference by DTW, NaN unmatched, and confidences.
+
+    Args:
+        relaxed: affinities after cycle consistency; their negative is the cost.
+        soft_maps: the confidence is their mass within `confidence_reach_s` of the path.
+    """
+    reach = params.confidence_reach_s * fps[reference]
+    skip = _skip_cost(relaxed, reference, params.unmatched_level)
+    positions, confidence = [], []
+    for v in range(len(relaxed.blocks.lengths)):
+        block = relaxed.block(v, reference)
+        path, _ = dtw(-block, skip=skip)
+        position = positions_of_rows(path, len(block))
+        mass = mass_within(soft_maps.pair(v, reference), np.nan_to_num(position), reach)
+        positions.append(position)
+        confidence.append(np.where(np.isfinite(position), mass, 0.0))
+    return positions, confidence
+
+
+def _skip_cost(relaxed: BlockMaps, reference: int, unmatched_level: float) -> float:
+    """Cost of an unmatched frame in DTW: minus the affinity at `unmatched_level` between best and
+    typical entries."""
+    if not np.isfinite(unmatched_level):
+        return np.inf
+    others = [v for v in range(len(relaxed.blocks.lengths)) if v != reference]
+    maps = [relaxed.block(v, reference) for v in others]
+    best = float(np.mean([np.median(b.max(axis=1)) for b in maps])) if maps else 1.0
+    usual = float(np.mean([np.median(b) for b in maps])) if maps else 0.0
+    return -(best + unmatched_level * (usual - best))

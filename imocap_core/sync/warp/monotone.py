@@ -1,5 +1,7 @@
 """Posterior over all monotone warps: the position of each frame of a video in another one.
 
+What the two forward-backward passes share: bounded likelihoods, normalised posteriors.
+
 DTW gives the one cheapest path. With estimates as noisy as monocular ones the cheapest path follows
 the noise; the mean over all paths, each weighted by its likelihood, does not. That mean is a
 forward-backward pass over a hidden Markov chain whose states are positions in the other video and
@@ -11,15 +13,56 @@ goes on at the usual rate. The spread of a frame's distribution shows how certai
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from scipy.signal import lfilter
 
-from imocap_core.sync.pairwise.banded import Band, BandedMap, whole_band
-from imocap_core.sync.warp.forward_backward import bounded_likelihoods, moved, normalised
+from imocap_core.sync.maps import Band, BandedMap, whole_band
+
+# a frame's worst position is at most this much less likely than its best one, in nats
+WORST_FRAME = 25.0
+
+
+def bounded_likelihoods(
+    cost: Float[np.ndarray, "N S"], unmatched: float | Float[np.ndarray, " N"]
+) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """Likelihoods of the match and of no match, and the cost (N,) that is divided out of both.
+
+    No frame may rule a position out altogether: one bad pose would end every warp there.
+    """
+    base = np.minimum(cost.min(axis=1), unmatched)
+    match = np.exp(np.maximum(base[:, None] - cost, -WORST_FRAME))
+    skip = np.exp(np.maximum(base - unmatched, -WORST_FRAME))
+    return match, skip, base
+
+
+def normalised(
+    joint: Float[np.ndarray, "N S"], outside: Float[np.ndarray, " N"]
+) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
+    """P(position | matched) and P(matched) of each frame, from the joint weights of its positions
+    and of having no counterpart."""
+    inside = joint.sum(axis=1)
+    total = inside + outside
+    posterior = joint / np.where(inside > 0, inside, 1.0)[:, None]
+    posterior[~(inside > 0)] = 1.0 / joint.shape[1]
+    matched = np.divide(inside, total, out=np.zeros(len(inside)), where=total > 0)
+    return posterior, matched
+
+
+def moved(
+    state: np.ndarray, here: slice, there: slice, step: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """A step of the chain from the positions `here` (..., S_here) to the positions `there`, of
+    which those that the state does not have are 0."""
+    if here == there:
+        return step(state)
+    first, stop = min(here.start, there.start), max(here.stop, there.stop)
+    wide = np.zeros((*state.shape[:-1], stop - first))
+    wide[..., here.start - first : here.stop - first] = state
+    return step(wide)[..., there.start - first : there.stop - first]
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,87 @@
-"""Soft maps from squared distances: P(position in another video | frame)."""
+"""Soft maps from squared distances: P(position in another video | frame).
+
+Clocks of videos: frames per second of the action, where a video is in slow motion or time
+lapse.
+
+Evidence for a counterpart of a frame in the other video, or against one.
+
+A frame whose nearest pose in the other video is unlike it may have no counterpart, but that is
+weaker evidence than a Gaussian error makes it: monocular estimates of one pose from two sides may
+differ by several times the usual distance, and as long as the pose lasts. So evidence grows with
+the logarithm of the distance, and what speaks against a match counts by how much the pose changes:
+a performer who stands still is one observation, however long.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.pairwise.banded import BandedMap, refined_bands
-from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
-from imocap_core.sync.warp.clocks import Clocks
-from imocap_core.sync.warp.counterpart import evidence_of_match
+from imocap_core.sync.affinity import DistanceMatrix
+from imocap_core.sync.maps import BandedMap, refined_bands
 from imocap_core.sync.warp.monotone import StepPrior, banded_posterior
-from imocap_core.sync.warp.nearby_squares import NearbySquares
-from imocap_core.sync.warp.rate_prior import rate_prior
-from imocap_core.sync.warp.smooth_rate import banded_rate_posterior
+from imocap_core.sync.warp.rate import banded_rate_posterior, rate_prior
+from imocap_core.sync.warp.template import NearbySquares
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """Frame rates and playback rates of the videos.
+
+    Attributes:
+        fps: frames per second of each file.
+        rates: seconds of the action per second of each video: 1/8 = slow motion by 8.
+    """
+
+    fps: Sequence[float]
+    rates: Float[np.ndarray, " M"]
+
+    @property
+    def action_fps(self) -> list[float]:
+        """Frames per second of the action."""
+        return [f / float(r) for f, r in zip(self.fps, self.rates, strict=True)]
+
+    @property
+    def evidence_fps(self) -> list[float]:
+        """Frames per second in which errors of estimates persist: the geometric mean of the video's
+        and the action's, because errors come partly of pictures, partly of poses."""
+        return [f / float(np.sqrt(r)) for f, r in zip(self.fps, self.rates, strict=True)]
+
+
+GAIN = 2.0  # nats per observation when the distance changes by a factor of e
+PRIOR = 0.5  # in favour of a counterpart, nats per observation
+
+
+def evidence_of_match(
+    nearest: Float[np.ndarray, " N"],
+    change: Float[np.ndarray, " N"],
+    *,
+    matched_square: float,
+    level: float,
+    observations: float,
+) -> Float[np.ndarray, " N"]:
+    """Log likelihood ratio of a counterpart against none, of each frame's nearest pose.
+
+    Args:
+        nearest: squared distance of the nearest pose of the other video.
+        change: squared change of the pose around the frame (`pose_change`).
+        matched_square: typical of `nearest` where there is a counterpart.
+        level: but for the prior, the ratio is 0 at (1 + 2 level) matched_square; inf: every frame
+            has a counterpart.
+        observations: independent ones per frame.
+    """
+    if not np.isfinite(level):
+        return np.full(len(nearest), np.inf)
+    log_ratio = GAIN * np.log((2.0 + 2.0 * level) / (1.0 + nearest / matched_square))
+    novelty = -np.expm1(-change / matched_square)
+    against = np.where(log_ratio < 0, novelty, 1.0)
+    return np.asarray(observations * (against * log_ratio + PRIOR))
+
 
 # cost of a frame of the other video left over at an end, as a share of that of a matching pair
 SKIPPED_SHARE = 0.3

@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.event.bones import bones_of
-from imocap_core.motion.event.keypoints import EventVideo
-from imocap_core.motion.event.problem import EventProblem
-from imocap_core.motion.event.rig import CameraRig
+from imocap_core.motion.event_calibration import EventProblem
+from imocap_core.motion.event_rig import CameraRig, EventVideo, bones_of
 from imocap_core.params import EventParams
 
 NAMES = (

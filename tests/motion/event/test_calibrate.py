@@ -9,10 +9,8 @@ import pytest
 from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.event.calibrate import calibrate
-from imocap_core.motion.event.normal import reduced
-from imocap_core.motion.event.reprojection import derivatives, project
-from imocap_core.motion.event.rig import CAMERA, OFFSET, RATE, CameraRig
+from imocap_core.motion.event_calibration import calibrate, derivatives, project, reduced
+from imocap_core.motion.event_rig import CAMERA, OFFSET, RATE, CameraRig
 from tests.motion.event.made_event import disturbed, made_problem, true_rig
 
 

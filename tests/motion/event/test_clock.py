@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.motion.event.clock import clock_of
+from imocap_core.motion.event_clock import clock_of
 
 
 def test_the_offset_is_what_most_matches_agree_on() -> None:

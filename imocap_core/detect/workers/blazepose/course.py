@@ -1,5 +1,7 @@
 """Everybody through a video: where each picture is looked at.
 
+How many pictures wait for the next one that is looked at.
+
 Each person's next crop follows from the last landmarks. The person detector looks at the whole
 picture every few frames and whenever somebody was lost; a box in which nobody is followed is a new
 person, who is also followed backward through the last pictures.
@@ -13,21 +15,52 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
-from .both import combined
-from .boxes import detect_boxes
-from .even import LOOKS, between, is_even
-from .followed import ESTABLISHED, FollowedPerson, is_followed, largest, merged
-from .hidden import with_hidden
-from .landmarks import Landmarks
-from .looks import Looks
-from .networks import Network
-from .overlap import in_front_first, is_duplicate, step
-from .pyramid import Pyramid
-from .refused import RefusedBoxes
-from .waiting import frames_to_next_look
+from .boxes import (
+    RefusedBoxes,
+    detect_boxes,
+    in_front_first,
+    is_duplicate,
+    is_in_the_way,
+    step,
+    with_hidden,
+)
+from .landmarks import Landmarks, Network, Pyramid
+from .looks import (
+    ESTABLISHED,
+    LONGEST,
+    LOOKS,
+    FollowedPerson,
+    Looks,
+    between,
+    is_even,
+    is_followed,
+    largest,
+    merged,
+)
+from .movenet import combined
+
+
+def frames_to_next_look(people: Sequence[FollowedPerson]) -> int:
+    """One where somebody is new, or nobody moves evenly; two where somebody does, LONGEST where all
+    do and nobody is in another's way."""
+    if any(not person.is_established for person in people):
+        return 1
+    is_even_long = people and all(is_even(person.looks, LONGEST) for person in people)
+    if is_even_long and not _are_in_each_others_way(people):
+        return LONGEST
+    return 2 if any(is_even(person.looks, 2) for person in people) else 1
+
+
+def _are_in_each_others_way(people: Sequence[FollowedPerson]) -> bool:
+    return any(
+        is_in_the_way(a.body, b.body) or is_in_the_way(b.body, a.body)
+        for a, b in combinations(people, 2)
+    )
+
 
 EVERY = 5  # frames from one look at the whole picture to the next
 MOST_BYTES = 200_000_000  # of the last pictures

@@ -1,0 +1,202 @@
+"""One event in all videos: cameras calibrated from the performer, and the motion with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+
+from imocap_core.adapters.hints import on_lines
+from imocap_core.adapters.joint import JointProblem
+from imocap_core.adapters.synchronisation import summary_of
+from imocap_core.artifacts.schemas import (
+    EventCamera,
+    EventCameras,
+    Keypoints,
+    Sync,
+    SyncSummary,
+)
+from imocap_core.camera.projection import Lens
+from imocap_core.motion.event_calibration import EventCalibration, EventProblem, Progress, calibrate
+from imocap_core.motion.event_clock import Clock, clock_of
+from imocap_core.motion.event_rig import (
+    FOCAL,
+    OFFSET,
+    ROTATION,
+    CameraRig,
+    EventVideo,
+    bone_lengths,
+    bones_of,
+    typical_lengths,
+)
+from imocap_core.motion.multiview.alternation import Alternation, LoopRound, mean_change
+from imocap_core.motion.multiview.repair import with_sides_of_others
+from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
+from imocap_core.motion.multiview.smpl_ba import common_then_deviations
+from imocap_core.motion.observations import Observation
+from imocap_core.params import EventParams
+
+MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
+SOUND_SD_S, MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matches
+
+
+def can_calibrate(problem: JointProblem, motion: JointMotion) -> bool:
+    """Whether the cameras can be calibrated: there are several, all are matched, and none moves
+    from its place."""
+    moving = any(o.place_sd_m is not None for o in problem.scene.observations)
+    matched = all(np.isfinite(m).any() for m in problem.scene.timeline.to_reference)
+    return motion.common is not None and matched and not moving
+
+
+def calibrated_round(
+    problem: JointProblem,
+    keypoints: Keypoints,
+    first: LoopRound[SyncSummary, JointMotion],
+    first_sync: Sync,
+    params: EventParams,
+    progress: Progress,
+) -> tuple[Alternation[Sync, SyncSummary, JointMotion], EventCameras]:
+    """Calibrate the cameras from the event, and fit the motion again with them: the one round after
+    the first.
+
+    Args:
+        problem: with the correspondences of the first round, whose motion is the start; first_sync:
+            the same as a whole.
+    """
+    sync, motion = first_sync, first.motion
+    names = list(dict.fromkeys(problem.scene.body.keypoints.names))
+    clock = clock_of_participants(problem, sync)
+    task, start = _calibration_problem(
+        problem, motion, names, clock, offset_by_sound(problem, sync), params
+    )
+    solved = calibrate(task, start, progress)
+    rig = solved.rig.with_lengths_of(task.prior.lengths)
+    ids = [video.id for video in problem.participants.keypoints.videos]
+    sync = on_lines(sync, replace(clock, offset=rig.offset, rate=rig.rate), ids, keypoints)
+    scene = problem.synchronised(sync).scene
+    K, R, t = (torch.as_tensor(x).to(motion.cameras.R) for x in (rig.K, rig.R, rig.t))
+    cameras = Cameras(R, t, K)
+    straight = replace(scene, observations=_undistorted(scene.observations, rig))
+    scene = with_sides_of_others(straight.with_intrinsics(cameras), motion.state, cameras)
+    options = replace(problem.options, objective="single")
+    again = common_then_deviations(
+        scene, motion.state, cameras, options, progress, cameras_known=True
+    )
+    before, after = ([m.reference_frame for m in x.maps] for x in (first.sync, sync))
+    change = mean_change(before, after)
+    status = f"the cameras are calibrated from the event: {solved.status}"
+    rounds = [first, LoopRound(summary_of(sync), again, again.misfit, change)]
+    stored = _stored(ids, scene, solved, params, _stride(task))
+    return Alternation(rounds, 1, sync, status), stored
+
+
+def _stride(problem: EventProblem) -> float:
+    """Frames of the reference between two moments."""
+    return float(np.diff(problem.moments).min(initial=np.inf)) if len(problem.moments) > 1 else 1.0
+
+
+def _calibration_problem(
+    problem: JointProblem,
+    motion: JointMotion,
+    names: Sequence[str],
+    clock: Clock,
+    by_sound: Bool[np.ndarray, " M"],
+    params: EventParams,
+) -> tuple[EventProblem, CameraRig]:
+    """The calibration's problem and its start, the keypoints of the motion so far."""
+    assert motion.common is not None
+    scene, bones = problem.scene_of(motion), bones_of(names)
+    assumed_K = np.stack([o.K for o in problem.scene.observations])
+    observations = scene.observations
+    points = scene.body.positions(scene.body.keypoints, motion.common).xyz[0].cpu().numpy()
+    columns = [scene.body.keypoints.names.index(name) for name in names]
+    moments = np.arange(0, len(points), -(-len(points) // MOST_MOMENTS))
+    K, R, t = (x.cpu().numpy() for x in (motion.cameras.K, motion.cameras.R, motion.cameras.t))
+    videos = len(observations)
+    start = CameraRig(
+        K, R, t, np.zeros(videos), clock.offset, clock.rate, np.zeros((videos, len(names), 2)),
+        points[moments][:, columns], np.zeros(len(bones)),
+    )  # fmt: skip
+    everywhere = np.ones((len(moments), len(names)), dtype=bool)
+    body_lengths = typical_lengths(bone_lengths(start.points, everywhere, bones))
+    corrected = [v.lens is not None for v in problem.participants.camera_motion.videos]
+    sd_s = np.where(by_sound, SOUND_SD_S, MATCHES_SD_S)
+    task = EventProblem(
+        videos=[_event_video(o, scene.body.keypoints.names, names) for o in observations],
+        moments=moments.astype(float),
+        bones=bones,
+        reference=scene.reference,
+        focal_log_sd=np.array([o.focal_spread for o in observations]),
+        alike=np.array([round(float(o.K[:2, 2].max())) for o in observations]),
+        prior=replace(start, K=assumed_K, lengths=body_lengths),
+        offset_sd=sd_s * [o.fps for o in observations],
+        fixed_distortion=np.array(corrected),
+        spreads=params,
+    )
+    return task, start
+
+
+def _event_video(
+    observation: Observation, columns: Sequence[str], names: Sequence[str]
+) -> EventVideo:
+    """A video's keypoints, one column a name: several layouts have points of one name."""
+    weight = observation.confidence / observation.sigma_px[:, None] ** 2
+    weight = np.where(np.isfinite(observation.xy_px).all(-1), weight, 0.0)
+    frames = len(weight)
+    xy_px, merged = np.full((frames, len(names), 2), np.nan), np.zeros((frames, len(names)))
+    for column, name in enumerate(columns):
+        place = names.index(name)
+        better = weight[:, column] > merged[:, place]
+        xy_px[better, place] = observation.xy_px[better, column]
+        merged[better, place] = weight[better, column]
+    return EventVideo(xy_px, merged, observation.size_px)
+
+
+def _undistorted(observations: Sequence[Observation], rig: CameraRig) -> list[Observation]:
+    rows = zip(observations, rig.K, rig.distortion, strict=True)
+    return [replace(o, xy_px=Lens.of([k], K).undistorted(o.xy_px)) if k else o for o, K, k in rows]
+
+
+def _stored(
+    ids: Sequence[str], scene: Scene, solved: EventCalibration, params: EventParams, stride: float
+) -> EventCameras:
+    rig, fps = solved.rig, [o.fps for o in scene.observations]
+    together = max(1.0, params.correlation_s * scene.fps / stride)
+    sd = solved.sd * together**0.5  # neighbouring frames err alike
+    cameras = [
+        EventCamera(
+            id=name,
+            distortion=float(rig.distortion[v]),
+            offset_frames=float(rig.offset[v]),
+            rate=float(rig.rate[v]),
+            median_px=float(solved.median_px[v]),
+            focal_sd=float(sd[v, FOCAL]),
+            rotation_sd_deg=float(np.degrees(np.linalg.norm(sd[v, ROTATION]))),
+            offset_sd_s=float(sd[v, OFFSET] / fps[v]),
+        )
+        for v, name in enumerate(ids)
+    ]
+    return EventCameras(cameras=cameras, status=solved.status)
+
+
+def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
+    """The clock whose lines the correspondences are."""
+    matches, observations = problem.participants.sync(sync), problem.scene.observations
+    return clock_of(
+        [m.reference_frame for m in matches.maps],
+        [m.confidence for m in matches.maps],
+        [o.fps for o in observations],
+        problem.scene.reference,
+    )
+
+
+def offset_by_sound(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
+    """The participants whose offset to the reference is known by their sound."""
+    ids = problem.participants.sync(sync).ids
+    if sync.sound_start_s is None:
+        return np.zeros(len(ids), dtype=bool)
+    by_id = dict(zip(sync.ids, np.isfinite(sync.sound_start_s), strict=True))
+    return np.array([by_id[i] and by_id[sync.reference] for i in ids])

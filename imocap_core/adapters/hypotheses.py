@@ -1,0 +1,154 @@
+"""Monocular motions of all videos: those of lowest cost, or as the videos chose them jointly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imocap_core.artifacts.schemas import (
+    AlternativeMotion,
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    VideoKeypoints,
+    VideoMotion,
+)
+from imocap_core.body.layouts import layout_names
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.motion.state import mirrored_joints
+from imocap_core.sync.hypotheses import (
+    CandidateMotions,
+    Hypothesis3D,
+    choose_jointly,
+    sentences,
+    swapped_keypoints,
+    with_swapped_sides,
+)
+from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
+
+FIRST = "best"  # name of the motion of lowest cost
+
+
+@dataclass(frozen=True)
+class ChosenAlternatives:
+    """Videos whose motion is another than that of lowest cost, by name, and what is to be said."""
+
+    names: dict[str, str]
+    notes: list[str]
+
+
+def chosen_motions(initial: InitialSmpl, chosen: Mapping[str, str]) -> list[VideoMotion]:
+    """The motion of every video; ``chosen``: names of alternatives by video."""
+    by_name = {(a.motion.id, a.name): a.motion for a in initial.alternatives}
+    return [by_name[m.id, chosen[m.id]] if m.id in chosen else m for m in initial.videos]
+
+
+def explained_keypoints(
+    initial: InitialSmpl, keypoints: Keypoints, chosen: Mapping[str, str]
+) -> Keypoints:
+    """The detections as the chosen motions explain them: sides swapped where these say so."""
+    states = swapped_sides(initial, chosen)
+    videos = []
+    for video in keypoints.videos:
+        if video.id in states:
+            names = layout_names(video.layout)
+            xy_px, confidence = (
+                with_swapped_sides(x, states[video.id], names)
+                for x in (video.xy_px, video.confidence)
+            )
+            swapped = {"xy_px": xy_px, "confidence": confidence, "corrected": None}
+            video = video.model_copy(update=swapped)
+        videos.append(video)
+    return Keypoints(videos=videos)
+
+
+def explained_detections(
+    initial: InitialSmpl, keypoints: Keypoints, cameras: CameraMotion, chosen: Mapping[str, str]
+) -> CameraMotion:
+    """The warped detections, likewise."""
+    states = swapped_sides(initial, chosen)
+    videos = []
+    for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
+        if video.id in states:
+            names = layout_names(video.layout)
+            xy_px = with_swapped_sides(camera.xy_first_px, states[video.id], names)
+            camera = camera.model_copy(update={"xy_first_px": xy_px})
+        videos.append(camera)
+    return CameraMotion(videos=videos)
+
+
+def swapped_sides(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """What the chosen motions swap (states of `swapped_by_others`), of the videos where they do."""
+    return {
+        a.motion.id: a.swapped
+        for a in initial.alternatives
+        if len(a.swapped) and chosen.get(a.motion.id) == a.name
+    }
+
+
+def choose_alternatives(
+    initial: InitialSmpl, keypoints: Keypoints, mirrored: Sequence[bool | None]
+) -> ChosenAlternatives:
+    """The joint choice of all videos.
+
+    Args:
+        mirrored: per video True where it is declared to be mirrored.
+    """
+    if not initial.alternatives:
+        return ChosenAlternatives({}, [])
+    ids = [motion.id for motion in initial.videos]
+    others = [[a for a in initial.alternatives if a.motion.id == i] for i in ids]
+    candidates = [
+        candidates_of(motion, of_video, video, reflect=bool(declared))
+        for motion, of_video, video, declared in zip(
+            initial.videos, others, keypoints.videos, mirrored, strict=True
+        )
+    ]
+    choice = choose_jointly(candidates)
+    labels = [[FIRST, *(a.name for a in of_video)] for of_video in others]
+    names = {i: labels[v][k] for v, (i, k) in enumerate(zip(ids, choice.labels, strict=True)) if k}
+    return ChosenAlternatives(names, sentences(choice, ids, labels))
+
+
+def candidates_of(
+    motion: VideoMotion,
+    alternatives: Sequence[AlternativeMotion],
+    video: VideoKeypoints,
+    *,
+    reflect: bool = False,
+) -> CandidateMotions:
+    """A video's motions, the first one and others; seen in a mirror where it is mirrored itself."""
+    film = keypoints_of_joints(video)
+    if reflect:
+        film = reflected_keypoints(film, mirror_indices(SMPL_JOINTS))
+    hypotheses = [_hypothesis(motion, film, reflect=reflect)]
+    for other in alternatives:
+        explained = film
+        if len(other.swapped):
+            explained = swapped_keypoints(film, other.swapped, SMPL_JOINTS)
+        hypotheses.append(_hypothesis(other.motion, explained, reflect=reflect))
+    excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
+    suggested = np.array([False, *(len(a.swapped) > 0 for a in alternatives)])
+    return CandidateMotions(hypotheses, excess, video.fps, suggested)
+
+
+def _hypothesis(motion: VideoMotion, film: Keypoints2D, *, reflect: bool) -> Hypothesis3D:
+    return Hypothesis3D(mirrored_joints(motion.joints) if reflect else motion.joints, film)
+
+
+LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # marked alike by detectors
+
+
+def keypoints_of_joints(video: VideoKeypoints) -> Keypoints2D:
+    """A video's keypoints as SMPL's 24 joints; limbs only, other joints have no weight."""
+    names = layout_names(video.layout)
+    xy_px, weight = np.zeros((len(video.frames), 24, 2)), np.zeros((len(video.frames), 24))
+    for joint, name in enumerate(SMPL_JOINTS):
+        if name in names and name.rpartition("_")[2] in LIMB_JOINTS:
+            column = names.index(name)
+            visible = np.isfinite(video.xy_px[:, column]).all(-1)
+            xy_px[visible, joint] = video.xy_px[visible, column]
+            weight[:, joint] = np.where(visible, video.confidence[:, column], 0.0)
+    return Keypoints2D(xy_px, weight)

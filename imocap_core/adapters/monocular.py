@@ -1,0 +1,413 @@
+"""The monocular fit of one video, which nothing but that video determines.
+
+Where the monocular fits begin.
+
+The units of moving cameras' paths in metres, before the monocular fits.
+
+What does not matter to it (its name, where its files lie, what is noted of it) is left out first,
+so that every action that has the video finds the fit again.
+
+Refits of videos in which a detector took left for right for a while, as the others say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from imocap_core.adapters.estimates import Estimate
+from imocap_core.adapters.ground import grounds_of
+from imocap_core.adapters.hypotheses import FIRST, candidates_of
+from imocap_core.adapters.observations import (
+    alternatives_of,
+    body_for,
+    fit_of_single_views,
+    motions_of,
+    observations_of,
+    starts_of,
+)
+from imocap_core.artifacts.schemas import (
+    AlternativeMotion,
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    PathUnit,
+    StartFit,
+    VideoCameraMotion,
+    VideoKeypoints,
+)
+from imocap_core.body.layouts import layout_names
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.lifter.infer import Lifted, lift
+from imocap_core.lifter.lifter_network import can_lift, load_lifter, to_common
+from imocap_core.motion.monocular.fit import (
+    estimate_path_unit,
+    fit_monocular,
+    guessed_unit,
+    with_unit,
+)
+from imocap_core.motion.monocular.hypotheses import alternatives, from_starts
+from imocap_core.motion.monocular.starts import (
+    Library,
+    Start,
+    fit_rotations_to_joints,
+    lifted_starts,
+    make_library,
+    start_at_joints,
+)
+from imocap_core.motion.observations import Observation
+from imocap_core.motion.prior import PosePrior
+from imocap_core.motion.state import Body
+from imocap_core.params import FitParams, InitialSmplParams
+from imocap_core.sync.hypotheses import SWAPPED_PREFIX, swapped_by_others, with_swapped_sides
+
+KEYPOINTS_ALONE = "monocular"  # origin of a fit without an estimate
+
+
+def starts(
+    body: Body,
+    library: Library,
+    observation: Observation,
+    estimate: Estimate,
+    lifted: Lifted | None,
+    detected: Float[np.ndarray, "T 24 3"] | None,
+    options: InitialSmplParams,
+) -> list[Start]:
+    """Starting points of one video: its estimate; or the lifter's and the detector's joints, then
+    the library's poses."""
+    if isinstance(estimate, Start):
+        R_local, trans = (x.to(library.R_view) for x in (estimate.R_local, estimate.trans))
+        return [Start(R_local, trans, estimate.cost)]
+    if isinstance(estimate, torch.Tensor):
+        return [start_at_joints(body, estimate.to(library.R_view), observation)]
+    if estimate is not None:
+        R_local = fit_rotations_to_joints(body, library, estimate)
+        return [start_at_joints(body, R_local, observation)]
+    joints = [] if detected is None else [detected]
+    if lifted is not None:
+        unseen = ~lifted.visible[:, None, None]
+        joints += [np.where(unseen, np.nan, x) for x in (lifted.joints, lifted.alternative)]
+    rotations = [fit_rotations_to_joints(body, library, x) for x in joints]
+    of_joints = [start_at_joints(body, R_local, observation) for R_local in rotations]
+    return [*of_joints, *lifted_starts(body, library, observation, options)]
+
+
+def lifted_joints(
+    video: VideoKeypoints, camera: VideoCameraMotion, device: torch.device | str = "cpu"
+) -> Lifted | None:
+    """3D joints of a video's keypoints, in the axes of its first frame's camera.
+
+    None when the layout has too few of the lifter's points, or no frame shows any.
+    """
+    if not can_lift(video.layout):
+        return None
+    present = np.isfinite(camera.xy_first_px).all(-1)
+    weight = np.where(present, video.confidence, 0.0)
+    focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
+    points, confidence = to_common((camera.xy_first_px - centre) / focal, weight, video.layout)
+    if not (confidence > 0).any():
+        return None
+    return lift(load_lifter(device), points, confidence, video.fps)
+
+
+def path_units(
+    body: Body,
+    prior: PosePrior,
+    keypoints: Keypoints,
+    cameras: CameraMotion,
+    observations: Sequence[Observation],
+    starts_of: Callable[[int, Observation], list[Start]],
+    weights: FitParams,
+    stride_s: float,
+) -> list[PathUnit]:
+    """The unit of every camera whose path is known.
+
+    Args:
+        observations: of all videos, without paths; starts_of: starts of a video (by its index)
+            with an observation that has its path.
+    """
+    units = []
+    for v, (video, camera) in enumerate(zip(keypoints.videos, cameras.videos, strict=True)):
+        if not len(camera.path):
+            continue
+        unitless = replace(observations[v], centre_m=camera.path, place_sd_m=None)
+        guess = guessed_unit(unitless)
+        starts = starts_of(v, with_unit(unitless, guess))
+        stride = max(1, round(stride_s * video.fps))
+        unit = estimate_path_unit(body, prior, unitless, guess, starts, weights, stride)
+        units.append(PathUnit(id=video.id, unit_m=unit.unit_m, relative_sd=unit.relative_sd))
+    return units
+
+
+ANY = "video"  # the name that a video has while it is fitted
+
+
+@dataclass(frozen=True)
+class SingleVideo:
+    """One video's detections and camera, under the name `ANY`.
+
+    Attributes:
+        keypoints, cameras: of this video alone; estimate: of a monocular estimator, or None.
+    """
+
+    keypoints: Keypoints
+    cameras: CameraMotion
+    estimate: Estimate
+
+    @property
+    def detected(self) -> Float[np.ndarray, "T 24 3"] | None:
+        """The detector's own 3D joints in the axes of the first frame's camera, where no estimator
+        gives a motion."""
+        (video,), (camera,) = self.keypoints.videos, self.cameras.videos
+        if video.joints_m is None or self.estimate is not None:
+            return None
+        return np.einsum("tij,tkj->tki", camera.R_first_from_frame, video.joints_m)
+
+    @classmethod
+    def of(
+        cls, video: VideoKeypoints, camera: VideoCameraMotion, estimate: Estimate
+    ) -> SingleVideo:
+        """A video of an action, without what its fit does not depend on."""
+        unnamed = {"id": ANY, "video": None, "initial": None, "note": "", "performer": None}
+        return cls(
+            Keypoints(videos=[video.model_copy(update=unnamed)]),
+            CameraMotion(videos=[camera.model_copy(update={"id": ANY, "note": ""})]),
+            estimate,
+        )
+
+    @property
+    def frames(self) -> int:
+        """Used frames."""
+        return len(self.keypoints.videos[0].frames)
+
+    def stride(self, options: InitialSmplParams) -> int:
+        """The first fits are on every so many frames."""
+        return max(1, round(options.stride_s * self.keypoints.videos[0].fps))
+
+
+@dataclass(frozen=True)
+class SingleProblem:
+    """What all fits of one video share.
+
+    Attributes:
+        lifted: the lifter's joints where there is no estimate, or None: a start, no evidence.
+        weights: of the objective; options: of the starts.
+    """
+
+    single: SingleVideo
+    body: Body
+    library: Library
+    lifted: Lifted | None
+    weights: FitParams
+    options: InitialSmplParams
+
+    @classmethod
+    def of(
+        cls,
+        single: SingleVideo,
+        prior: PosePrior,
+        rng: np.random.Generator,
+        fit: FitParams,
+        options: InitialSmplParams,
+    ) -> SingleProblem:
+        """The library of poses, the lifter's joints, and the weights of a single view."""
+        device = prior.mean.device
+        body = body_for(single.keypoints, device)
+        library = make_library(
+            body, prior, rng, poses=options.library_poses, directions=options.library_directions
+        )
+        lifted = None
+        if options.lifter == "auto" and single.estimate is None:
+            (video,), (camera,) = single.keypoints.videos, single.cameras.videos
+            lifted = lifted_joints(video, camera, device)
+        joints_given = isinstance(single.estimate, np.ndarray)
+        weights = fit_of_single_views(single.keypoints, fit, joints_given, options.shape_prior)
+        return cls(single, body, library, lifted, weights, options)
+
+    @property
+    def source(self) -> str:
+        """Origin of the motions."""
+        given = self.single.estimate is not None
+        return self.single.keypoints.videos[0].initial_format or "" if given else KEYPOINTS_ALONE
+
+    def observed(self, units: Sequence[PathUnit] = ()) -> list[Observation]:
+        """What the fits work on, with the 3D joints of an estimate, if any, as evidence."""
+        estimate = self.single.estimate
+        joints = {ANY: estimate} if isinstance(estimate, np.ndarray) else {}
+        keypoints, cameras = self.single.keypoints, self.single.cameras
+        return observations_of(self.body, keypoints, cameras, self.weights, joints, units)
+
+    def starts(self, observation: Observation) -> list[Start]:
+        """Starting points of the fit to an observation."""
+        given = self.single.estimate, self.lifted, self.single.detected
+        return starts(self.body, self.library, observation, *given, self.options)
+
+
+def fit_single_video(
+    single: SingleVideo,
+    prior: PosePrior,
+    rng: np.random.Generator,
+    fit: FitParams,
+    options: InitialSmplParams,
+    *,
+    alone: bool,
+    progress: Callable[[str], None] = lambda _: None,
+) -> InitialSmpl:
+    """The motion of lowest cost of one video, its alternatives, and the ground under it.
+
+    alone: no other video can choose among alternatives, so there are none, or tell how far the
+    body leans, so it balances.
+    """
+    keypoints, cameras = single.keypoints, single.cameras
+    problem = SingleProblem.of(single, prior, rng, fit, options)
+    body, weights, observations = problem.body, problem.weights, problem.observed()
+    units = path_units(
+        body, prior, keypoints, cameras, observations, lambda _, o: problem.starts(o), weights,
+        options.stride_s,
+    )  # fmt: skip
+    if units:
+        observations = problem.observed(units)
+    solved = fit_monocular(
+        body, prior, observations, [problem.starts(observations[0])], weights,
+        stride=single.stride(options), max_steps=options.max_steps, balance=alone,
+        progress=progress,
+    )  # fmt: skip
+    motions = motions_of(body, solved.state, observations, keypoints)
+    progress("other motions that may explain the video")
+    count = 0 if alone or single.estimate is not None else options.hypotheses - 1
+    others = alternatives(
+        body, prior, problem.library, observations, solved.coarse, weights,
+        videos=[0] if count else [], count=count,
+    )  # fmt: skip
+    return InitialSmpl(
+        model=body.model.name,
+        model_digest=body.model.digest,
+        videos=motions,
+        source={ANY: problem.source},
+        starts=starts_of([ANY], solved.costs),
+        alternatives=alternatives_of(body, others, observations, keypoints),
+        grounds=grounds_of(motions, keypoints, cameras, fit),
+        path_units=units,
+    )
+
+
+def joined(fits: Sequence[InitialSmpl], ids: Sequence[str]) -> InitialSmpl:
+    """The fits of an action's videos as one result; ids: their names there."""
+    pairs = list(zip(fits, ids, strict=True))
+    return InitialSmpl(
+        model=fits[0].model,
+        model_digest=fits[0].model_digest,
+        videos=[fit.videos[0].model_copy(update={"id": i}) for fit, i in pairs],
+        source={i: fit.source[ANY] for fit, i in pairs},
+        starts=[start.model_copy(update={"video": i}) for fit, i in pairs for start in fit.starts],
+        alternatives=[
+            other.model_copy(update={"motion": other.motion.model_copy(update={"id": i})})
+            for fit, i in pairs
+            for other in fit.alternatives
+        ],
+        grounds=[ground for fit in fits for ground in fit.grounds],
+        path_units=[
+            unit.model_copy(update={"id": i}) for fit, i in pairs for unit in fit.path_units
+        ],
+    )
+
+
+def least_cost(starts: Sequence[StartFit], frames: int, stride: int) -> float:
+    """The lowest objective a frame of the first fits of a video of so many frames."""
+    return min(start.cost for start in starts) / len(range(0, frames, stride))
+
+
+def refits_of_swapped(
+    singles: Sequence[SingleVideo],
+    result: InitialSmpl,
+    prior: PosePrior,
+    rng: Callable[[], np.random.Generator],
+    fit: FitParams,
+    options: InitialSmplParams,
+) -> list[AlternativeMotion]:
+    """The alternative of each video whose sides the other videos' motions swap for a while.
+
+    Args:
+        result: the fits of all videos; those that begin at an estimate have no alternatives.
+    """
+    videos = [single.keypoints.videos[0] for single in singles]
+    rows = zip(result.videos, videos, strict=True)
+    states = swapped_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
+    refits = []
+    for v, motion in enumerate(result.videos):
+        if result.source[motion.id] != KEYPOINTS_ALONE or not states[v].any():
+            continue
+        starts = [start for start in result.starts if start.video == motion.id]
+        least = least_cost(starts, singles[v].frames, singles[v].stride(options))
+        fits = fits_with_sides(singles[v], states[v], prior, rng(), fit, options)
+        refits += [
+            AlternativeMotion(
+                name=SWAPPED_PREFIX if refit.name == FIRST else f"{SWAPPED_PREFIX}, {refit.name}",
+                excess_cost=refit.excess_cost - least,
+                motion=refit.motion.model_copy(update={"id": motion.id}),
+                swapped=states[v],
+            )
+            for refit in fits
+        ]
+    return refits
+
+
+def fits_with_sides(
+    single: SingleVideo,
+    states: Int[np.ndarray, " T"],
+    prior: PosePrior,
+    rng: np.random.Generator,
+    fit: FitParams,
+    options: InitialSmplParams,
+) -> list[AlternativeMotion]:
+    """The distinct fits of one video whose detections have swapped sides, with their own costs.
+
+    Args:
+        states: as of `swapped_by_others`.
+    """
+    problem = SingleProblem.of(swapped_video(single, states), prior, rng, fit, options)
+    body, stride = problem.body, single.stride(options)
+    observed = replace(problem, single=single).observed()
+    observation = with_sides(observed[0], states, body.keypoints.names, stride)
+    fits = from_starts(
+        body, prior, problem.library, observation, problem.starts(observation), stride,
+        problem.weights, count=options.hypotheses,
+    )  # fmt: skip
+    return alternatives_of(body, [fits], observed, single.keypoints)
+
+
+def swapped_video(single: SingleVideo, states: Int[np.ndarray, " T"]) -> SingleVideo:
+    """The video as it is when the detector's sides are swapped back; states as above."""
+    (video,), (camera,) = single.keypoints.videos, single.cameras.videos
+    names = layout_names(video.layout)
+    confidence, xy_px = (
+        with_swapped_sides(x, states, names) for x in (video.confidence, camera.xy_first_px)
+    )
+    return replace(
+        single,
+        keypoints=Keypoints(videos=[video.model_copy(update={"confidence": confidence})]),
+        cameras=CameraMotion(videos=[camera.model_copy(update={"xy_first_px": xy_px})]),
+    )
+
+
+def with_sides(
+    observation: Observation, states: Int[np.ndarray, " T"], names: Sequence[str], reach: int
+) -> Observation:
+    """The observation with its sides swapped, without the frames within `reach` of where that
+    begins or ends: the estimate is no finer.
+
+    Args:
+        states: as of `swapped_by_others`; names: of the keypoints.
+    """
+    changes = np.flatnonzero(np.diff(states))
+    near = np.abs(np.arange(len(states))[:, None] - changes - 0.5).min(axis=1, initial=np.inf)
+    confidence = with_swapped_sides(observation.confidence, states, names)
+    return replace(
+        observation,
+        xy_px=with_swapped_sides(observation.xy_px, states, names),
+        confidence=np.where(near[:, None] < reach, 0.0, confidence),
+    )

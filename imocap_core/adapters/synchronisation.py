@@ -1,0 +1,311 @@
+"""Motions to correspondences: the artifact of a synchronisation from poses and hints.
+
+The first synchronisation: of monocular motions, chosen jointly where there are several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.adapters.hypotheses import (
+    choose_alternatives,
+    chosen_motions,
+    explained_keypoints,
+    keypoints_of_joints,
+)
+from imocap_core.adapters.sync_maps import stored_affinities, stored_maps
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    CycleTriple,
+    InitialSmpl,
+    Keypoints,
+    Sync,
+    SyncMap,
+    SyncSummary,
+    SyncTrust,
+    VideoKeypoints,
+    VideoTrust,
+)
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.params import SyncParams
+from imocap_core.sync import Hints, SyncResult, estimated_rates, screened, synchronise
+from imocap_core.sync.comparable_poses import picture_heights
+from imocap_core.sync.freeze_frames import DistinctFrames, distinct_frames, frozen_runs
+from imocap_core.sync.screening.screening import Screening, sentences
+from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
+
+TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+
+
+def synchronise_motions(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    params: SyncParams,
+    rng: np.random.Generator,
+    *,
+    reference: str | None = None,
+    mirrored: Sequence[bool | None] | None = None,
+    hints: Hints | None = None,
+    decided: SyncSummary | None = None,
+    reprojection: ReprojectionEvidence | None = None,
+    rates: Float[np.ndarray, " M"] | None = None,
+    cameras: CameraMotion | None = None,
+) -> Sync:
+    """Synchronise motions by their joints; frames without any detection are bridged.
+
+    Args:
+        joints: of every video of `keypoints`, metres, in its own camera's axes.
+        reference: id of the reference video, chosen by centrality when None.
+        mirrored: per video True or False where action.yaml states it.
+        hints, reprojection, rates: as of `imocap_core.sync.synchronise`.
+        cameras: their own motion, where known.
+        decided: an earlier synchronisation whose mirrored and excluded videos stay as they are.
+    """
+    ids = [video.id for video in keypoints.videos]
+    fps = [video.fps for video in keypoints.videos]
+    result = synchronise(
+        joints,
+        fps=fps,
+        params=params,
+        rng=rng,
+        confidence=_detected(joints, keypoints),
+        joint_weights=joint_weights_of(params),
+        heights=_heights(joints, keypoints, cameras),
+        reference=None if reference is None else ids.index(reference),
+        twins=mirror_indices(SMPL_JOINTS),
+        mirrored=mirrored,
+        hints=hints,
+        screening=None if decided is None else _screening_of(decided),
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+        reprojection=reprojection,
+        rates=rates,
+    )
+    sync = sync_artifact(result, ids, fps)
+    if decided is None:
+        return sync.model_copy(update={"notes": [*sync.notes, *freeze_notes(keypoints)]})
+    unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
+    return sync.model_copy(update=unchanged)
+
+
+def rates_of_motions(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    params: SyncParams,
+    hints: Hints,
+) -> Float[np.ndarray, " M"]:
+    """Seconds of the action per second of each video, as `synchronise_motions` estimates them."""
+    return estimated_rates(
+        joints,
+        fps=[video.fps for video in keypoints.videos],
+        params=params,
+        confidence=_detected(joints, keypoints),
+        joint_weights=joint_weights_of(params),
+        hints=hints,
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+    )
+
+
+def screening_of_motions(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    params: SyncParams,
+    hints: Hints,
+    *,
+    mirrored: Sequence[bool | None],
+    rates: Float[np.ndarray, " M"],
+) -> Screening:
+    """Which videos are mirrored or show another action, as `synchronise_motions` decides it."""
+    return screened(
+        joints,
+        fps=[video.fps for video in keypoints.videos],
+        params=params,
+        confidence=_detected(joints, keypoints),
+        joint_weights=joint_weights_of(params),
+        twins=mirror_indices(SMPL_JOINTS),
+        mirrored=mirrored,
+        hints=hints,
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+        rates=rates,
+    )
+
+
+def freeze_notes(keypoints: Keypoints) -> list[str]:
+    """A sentence for every freeze frame of every video."""
+    return [
+        f"{video.id} shows one picture for {(b - a + 1) / video.fps:.1f} s (frames "
+        f"{video.frames[a]} to {video.frames[b]}): all of them are matched to one moment"
+        for video in keypoints.videos
+        for a, b in distinct_pictures(video).runs
+    ]
+
+
+def distinct_pictures(video: VideoKeypoints) -> DistinctFrames:
+    """The distinct pictures of a video, by its keypoints."""
+    points = keypoints_of_joints(video)
+    frozen = frozen_runs(points.xy_px, points.weight > 0, video.fps)
+    return distinct_frames(frozen, len(video.frames))
+
+
+def _detected(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]], keypoints: Keypoints
+) -> list[Float[np.ndarray, "_ 24"]]:
+    """Confidences of the joints: 1 in frames with any detection."""
+    detected = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
+    return [
+        np.repeat(of_frames[:, None], of_video.shape[1], axis=1)
+        for of_frames, of_video in zip(detected, joints, strict=True)
+    ]
+
+
+def _heights(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    cameras: CameraMotion | None,
+) -> list[Float[np.ndarray, "_"]]:
+    """Heights of the trunk in the picture, in metres, without the camera's own motion."""
+    trunk, heights = [SMPL_JOINTS.index(name) for name in TRUNK], []
+    for v, (of_video, video) in enumerate(zip(joints, keypoints.videos, strict=True)):
+        if cameras is not None:
+            video = video.model_copy(update={"xy_px": cameras.videos[v].xy_first_px})
+        points = keypoints_of_joints(video)
+        h = picture_heights(points.xy_px, points.weight, of_video, trunk, video.fps)
+        heights.append(h)
+    return heights
+
+
+def synchronise_joints(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    ids: Sequence[str],
+    fps: Sequence[float],
+    params: SyncParams,
+    rng: np.random.Generator,
+    *,
+    reference: str | None = None,
+) -> Sync:
+    """Synchronise clips by SMPL's joints (T, 24, 3) alone; any axes and unit, NaN = missing.
+
+    ValueError for shapes that don't fit.
+    """
+    result = synchronise(
+        joints,
+        fps=fps,
+        params=params,
+        rng=rng,
+        joint_weights=joint_weights_of(params),
+        reference=None if reference is None else list(ids).index(reference),
+        twins=mirror_indices(SMPL_JOINTS),
+    )
+    return sync_artifact(result, ids, fps)
+
+
+def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
+    """The artifact of a synchronisation; ids, fps: of the videos, in its order."""
+    return Sync(
+        reference=ids[result.reference],
+        ids=list(ids),
+        lengths=[len(frames) for frames in result.reference_frame],
+        maps=[
+            SyncMap(id=name, reference_frame=frame, confidence=confidence)
+            for name, frame, confidence in zip(
+                ids, result.reference_frame, result.confidence, strict=True
+            )
+        ],
+        method=result.cycle.method,
+        centrality=result.centrality,
+        status=result.status,
+        excluded=[ids[v] for v in result.screening.excluded],
+        mirrored=[ids[v] for v in result.screening.flipped],
+        notes=sentences(result.screening, ids),
+        trust=_trust(result, ids, fps),
+        affinity=stored_affinities(result.affinity, list(ids)),
+        relaxed=stored_maps(result.relaxed),
+    )
+
+
+def summary_of(sync: Sync) -> SyncSummary:
+    """A synchronisation without its matrices."""
+    return SyncSummary.model_validate({n: getattr(sync, n) for n in SyncSummary.model_fields})
+
+
+def joint_weights_of(params: SyncParams) -> Float[np.ndarray, "24"] | None:
+    """Weights of SMPL's joints, None where all are equal."""
+    given = params.joint_weights
+    return np.array([given.get(name, 1.0) for name in SMPL_JOINTS]) if given else None
+
+
+def _screening_of(decided: SyncSummary) -> Screening:
+    """The screening of an earlier synchronisation, from its artifact."""
+    excluded, flipped = (
+        tuple(v for v, name in enumerate(decided.ids) if name in names)
+        for names in (decided.excluded, decided.mirrored)
+    )
+    videos = [] if decided.trust is None else decided.trust.videos
+    scores, margins = (
+        np.array([getattr(v, name) for v in videos])
+        if videos
+        else np.full(len(decided.ids), np.nan)
+        for name in ("outlier_score", "mirror_margin")
+    )
+    return Screening(excluded, flipped, excluded, flipped, scores, margins)
+
+
+def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> SyncTrust:
+    """The numbers that tell how far to trust each video's map."""
+    screening = result.screening
+    return SyncTrust(
+        videos=[
+            VideoTrust(
+                id=name,
+                phase_s=result.phase[v],
+                phase_confidence=result.phase_confidence[v],
+                outlier_score=float(screening.outlier_score[v]),
+                mirror_margin=float(screening.mirror_margin[v]),
+                left_out_frames=float(result.left_out_frames[v]),
+                left_out_s=float(result.left_out_frames[v]) / fps[result.reference],
+                left_out_share=float(result.left_out_share[v]),
+                repetition_s=nan if other is None else other.shift_frames / fps[result.reference],
+                repetition_ratio=nan if other is None else other.ratio,
+            )
+            for v, (name, other) in enumerate(zip(ids, result.repetitions, strict=True))
+        ],
+        triples=[
+            CycleTriple(
+                videos=[ids[v] for v in triple.videos],
+                frames=triple.frames,
+                seconds=triple.seconds,
+                share=triple.share,
+            )
+            for triple in result.cycle_residuals
+        ],
+    )
+
+
+def synchronise_monocular(
+    initial: InitialSmpl,
+    keypoints: Keypoints,
+    params: SyncParams,
+    rng: np.random.Generator,
+    *,
+    mirrored: Sequence[bool | None],
+    reference: str | None = None,
+    hints: Hints | None = None,
+    cameras: CameraMotion | None = None,
+) -> Sync:
+    """Choose every video's motion, then screen and synchronise; as of `synchronise_motions`."""
+    chosen = choose_alternatives(initial, keypoints, mirrored)
+    sync = synchronise_motions(
+        [motion.joints for motion in chosen_motions(initial, chosen.names)],
+        explained_keypoints(initial, keypoints, chosen.names),
+        params,
+        rng,
+        reference=reference,
+        mirrored=mirrored,
+        hints=hints,
+        cameras=cameras,
+    )
+    notes = [*chosen.notes, *sync.notes]
+    return sync.model_copy(update={"notes": notes, "alternatives": chosen.names})

@@ -1,0 +1,418 @@
+"""The files of a technique report: one HTML page, Markdown, tables, pictures, the mean as BVH.
+
+A comparison as one HTML page: bodies on one timeline, angle curves with bands, measuring.
+
+The files of a technique report: Markdown, tables, pictures, and the mean motion as BVH.
+
+The files of a report on two performers: Markdown, a table, pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from matplotlib.figure import Figure
+
+from imocap_core.biomechanics.joint_angles import MeanCurve
+from imocap_core.body import Shaped
+from imocap_core.body.model import pose_from_rotations
+from imocap_core.compare import parts
+from imocap_core.compare.compare import (
+    Curves,
+    Technique,
+    TechniqueAngles,
+    TechniquePair,
+    in_smpl,
+    pair_angles,
+    technique_angles,
+)
+from imocap_core.compare.parts import (
+    MotionDifference,
+    in_words,
+    markdown_list,
+    pair_findings,
+    performer_names,
+    technique_findings,
+)
+from imocap_core.errors import WorkFailed
+from imocap_core.figures.style import VIDEO_COLORS, quiet, save
+from imocap_core.io.writers.bvh import write_bvh
+from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
+from imocap_core.technique import along_mode, over_moments
+from imocap_core.viewer import html as viewer
+from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
+
+MEAN_COLOR = "#6b7480"
+OF_VIEWER_ALONE = ("pictures.js", "cards.js", "chooser.js", "main.js")
+SHARED = tuple(name for name in viewer.SCRIPTS if name not in OF_VIEWER_ALONE)
+OWN = ("measure.js", "compare.js")
+PACKAGE = "imocap_core.compare"
+
+
+@dataclass(frozen=True, eq=False)
+class ShownBody:
+    """A motion of the page: its name and colour, rotations (N, J, 3, 3) of SMPL's first J joints,
+    joints (N, J, 3) in metres from the pelvis, y up; inside (N,): the moments that it shows."""
+
+    name: str
+    color: str
+    R_local: Float[np.ndarray, "N J 3 3"]
+    joints: Float[np.ndarray, "N J 3"]
+    inside: Bool[np.ndarray, " N"]
+
+
+def pair_page(
+    pair: TechniquePair, angles: tuple[Curves, Curves], findings: Sequence[MotionDifference]
+) -> str:
+    """The page of two performers: their mean motions at the moments that both show."""
+    names = performer_names(pair)
+    first, second = angles
+    shown = np.ones(len(pair.phase_s), dtype=bool)
+    bodies = [
+        ShownBody(name, color, R, joints, shown)
+        for name, color, R, joints in zip(
+            names, VIDEO_COLORS, pair.rotations, pair.joints, strict=False
+        )
+    ]
+    curves = {name: [first[name], second[name]] for name in first}
+    lead = (
+        f"Mean motions of {names[0]} ({len(pair.first.instances.ids)} performances) and {names[1]} "
+        f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way"
+    )
+    return _page(
+        f"{names[0]} and {names[1]}",
+        lead,
+        pair.first.performances.shaped,
+        pair.phase_s,
+        bodies,
+        curves,
+        findings,
+    )
+
+
+def technique_page(
+    t: Technique, angles: TechniqueAngles, findings: Sequence[MotionDifference]
+) -> str:
+    """The page of an action's performances and their mean."""
+    each = t.instances
+    nothing = np.full(len(each.phase_s), np.nan)
+    count = np.ones(len(each.phase_s), dtype=np.int64)
+    bodies = [
+        ShownBody("mean", MEAN_COLOR, t.mean.R_local, t.mean.joints, each.shown > 0),
+        *(
+            ShownBody(video, VIDEO_COLORS[m % len(VIDEO_COLORS)], R, joints, inside)
+            for m, (video, R, joints, inside) in enumerate(
+                zip(each.ids, each.R_local, each.joints, each.inside, strict=True)
+            )
+        ),
+    ]
+    curves = {
+        name: [mean, *(MeanCurve(row, nothing, count) for row in angles.each[name])]
+        for name, mean in angles.mean.items()
+    }
+    return _page(
+        t.action,
+        f"{len(each.ids)} performances and their mean at equal phases, on one body, facing one way",
+        t.performances.shaped,
+        each.phase_s,
+        bodies,
+        curves,
+        findings,
+    )
+
+
+def _page(
+    title: str,
+    lead: str,
+    shaped: Shaped,
+    phase_s: Float[np.ndarray, " N"],
+    bodies: Sequence[ShownBody],
+    curves: Mapping[str, Sequence[MeanCurve]],
+    findings: Sequence[MotionDifference],
+) -> str:
+    block = Block()
+    step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
+    ends = {"first": float(phase_s[0]), "last": float(phase_s[-1])}
+    header = {
+        "title": title,
+        "lead": lead,
+        "legend": "grid 0.5 m · click joints to measure",
+        "reference": "the common time",
+        "timeline": {**ends, "step": step, "shared": ends["first"]},
+        "model": model_entry(block, shaped.model),
+        "shapes": [shape_entry(block, shaped)],
+        "middle": [0.0, 1.0, 0.0],
+        "azimuth": 0.5,
+        "right": [1.0, 0.0, 0.0],
+        "phase": block.add(phase_s, "f4"),
+        "videos": [_body_entry(block, shaped, phase_s, step, body) for body in bodies],
+        "angles": [
+            {"name": n, "label": in_words(n), "curves": [_curve_entry(block, c) for c in of]}
+            for n, of in curves.items()
+        ],
+        "findings": [{"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in findings],
+    }
+    return viewer.filled(
+        header,
+        block,
+        "comparison",
+        viewer.source("compare.html", PACKAGE),
+        viewer.source("style.css") + viewer.source("compare.css", PACKAGE),
+        viewer.joined(SHARED) + viewer.joined(OWN, PACKAGE),
+    )
+
+
+def _body_entry(
+    block: Block, shaped: Shaped, phase_s: Float[np.ndarray, " N"], step: float, body: ShownBody
+) -> dict[str, Any]:
+    """As a video of the viewer: its pelvis over the origin, its lowest joint on the floor."""
+    R, joints = body.R_local[body.inside], body.joints[body.inside]
+    rest = shaped.joints_rest.numpy()
+    sole = rest[:, 1].min() - shaped.vertices_rest.numpy()[:, 1].min()
+    trans = np.zeros((len(R), 3)) - rest[0]
+    trans[:, 1] += sole - joints[..., 1].min(axis=1)
+    theta = pose_from_rotations(torch.as_tensor(in_smpl(R))).numpy()
+    answer = {"shape": 0, "local": block.add(theta, "f4"), "trans": block.add(trans, "f4")}
+    return {
+        "id": body.name,
+        "color": body.color,
+        "fps": 1 / step,
+        "excluded": False,
+        "phase": block.add(phase_s[body.inside], "f4"),
+        "confidence": block.add(np.full(len(R), 255), "u1"),
+        "answers": {"final": answer},
+        "sigma": None,
+    }
+
+
+def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
+    banded = bool(np.isfinite(curve.sd_deg).any())
+    return {
+        "mean": block.add(curve.mean_deg, "f4"),
+        "sd": block.add(curve.sd_deg, "f4") if banded else None,
+    }
+
+
+SHOWN_MODES = 3
+
+
+def write_technique(out: Path, t: Technique) -> list[Path]:
+    """report.md, joints.csv, performances.csv, mean.bvh and pictures; the report first."""
+    each, names = t.instances, t.instances.joint_names
+    about = f"{len(each.ids)} performances of {t.action}"
+    pictures: dict[str, Figure] = {}
+    with quiet():
+        pictures["mean.png"] = parts.motion_figure(
+            each.ids, each.phase_s, t.mean.joints, each.joints, each.inside,
+            "The mean motion", f"{about} on one body, facing one way, at equal phases",
+        )  # fmt: skip
+        pictures["deviation.png"] = parts.deviation_figure(
+            each.phase_s, t.spread_deg, t.spread_mm, names, "How far performances differ",
+            f"standard deviation of {about} from their mean",
+        )  # fmt: skip
+        if t.modes.share.size:
+            pictures["modes.png"] = parts.modes_figure(
+                each.ids, t.modes.share, t.modes.scores, t.modes.of_joints(), names,
+                [_mode_pose(t, k) for k in range(min(SHOWN_MODES, len(t.modes.share)))],
+            )  # fmt: skip
+        if np.isfinite(t.lead_s).any():
+            pictures["timing.png"] = parts.timing_figure(each.ids, each.phase_s, t.lead_s)
+        make_folder(out)
+        for name, figure in pictures.items():
+            save(figure, out / name)
+    parts.write_course(
+        out / "joints.csv", each.phase_s, names,
+        {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
+    )  # fmt: skip
+    scores = {f"mode{k + 1}_deg": t.modes.scores[:, k] for k in range(len(t.modes.share))}
+    parts.write_performances(
+        out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
+    )
+    write_bvh(out / "mean.bvh", mean_clip(t))
+    angles = technique_angles(t)
+    findings = technique_findings(t, angles)
+    (out / "report.md").write_text(_report(t, list(pictures), findings), encoding="utf-8")
+    (out / "report.html").write_text(technique_page(t, angles, findings), encoding="utf-8")
+    names_ = ["report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh", *pictures]
+    return [out / name for name in names_]
+
+
+def mean_clip(t: Technique) -> MotionClip:
+    """The mean motion as a joint tree; the pelvis does not move, hands are at rest."""
+    shaped: Shaped = t.performances.shaped
+    rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
+    lowest = t.mean.joints[..., 1].min()
+    return MotionClip(
+        id="mean",
+        joint_names=shaped.model.joint_names,
+        parents=shaped.model.parents,
+        rest=rest - rest[0],
+        tips=bone_tips(shaped),
+        R_local=in_smpl(t.mean.R_local),
+        pelvis=np.tile([0.0, -lowest, 0.0], (count, 1)),
+        fps=t.performances.fps,
+        frames=np.arange(count, dtype=np.float64),
+        inside=np.ones(count, dtype=bool),
+        phase_s=t.instances.phase_s,
+    )
+
+
+def _mode_pose(t: Technique, mode: int) -> parts.ModePose:
+    """Phase of a mode's largest effect; the body there: mean, one standard deviation up, down."""
+    deviation = float(t.modes.deviations()[mode])
+    bodies = [
+        _placed(t, along_mode(t.mean.R_local, t.modes.shapes[mode], k * deviation))
+        for k in (0, 1, -1)
+    ]
+    most = int(((bodies[1] - bodies[2]) ** 2).sum((1, 2)).argmax())
+    return float(t.instances.phase_s[most]), bodies[0][most], bodies[1][most], bodies[2][most]
+
+
+def _placed(t: Technique, R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N J 3"]:
+    """Joints (N, J, 3) relative to the pelvis, metres, of rotations (N, J, 3, 3) on one body."""
+    count = R_local.shape[1]
+    R = torch.as_tensor(in_smpl(R_local))
+    body = t.performances.shaped.pose(R, torch.zeros(3, dtype=torch.float64))
+    joints = body.joints.numpy()
+    return np.asarray((joints - joints[:, :1])[:, :count])
+
+
+def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
+    """(M,) root mean square distance of a performance from the mean, over joints and moments."""
+    squares = (t.mean.shifts**2).sum(-1).mean(-1)
+    shown = np.maximum(t.instances.inside.sum(1), 1)
+    return np.asarray(1000 * np.sqrt(squares.sum(1) / shown))
+
+
+def _report(t: Technique, pictures: list[str], findings: list[MotionDifference]) -> str:
+    each, names = t.instances, t.instances.joint_names
+    several = len(each.ids) > 1
+    lines = [
+        f"# Technique: {t.action}",
+        "",
+        f"{len(each.ids)} performances ({', '.join(each.ids)}), {len(each.phase_s)} moments "
+        f"from {each.phase_s[0]:.2f} to {each.phase_s[-1]:.2f} s of the reference's time. "
+        f"Meaning and limits of the numbers: docs/technique.md.",
+        "",
+    ]
+    if t.performances.left_out:
+        lines += [f"Left out: {'; '.join(t.performances.left_out)}.", ""]
+    if several:
+        from_mean = ", ".join(
+            f"{i} {number} mm"
+            for i, number in zip(each.ids, map(parts.number, _from_mean_mm(t)), strict=True)
+        )
+        lines += [
+            f"**Consistency {parts.number(t.whole, 3)}** (1: equal, 0: no more alike than "
+            f"unrelated moments). From the mean motion: {from_mean}.",
+            "",
+            "## Joints",
+            "",
+            *parts.table(
+                ["joint", "rotation (deg)", "position (mm)", "consistency"],
+                parts.joint_rows(names, t.joint_deg, t.joint_mm, t.consistency),
+            ),
+            "",
+            "Standard deviation over the performances, root mean square over the moments. Largest:",
+            "",
+            *parts.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
+            "",
+            *markdown_list(findings),
+        ]
+    titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}
+    for picture in pictures:
+        title = titles[picture.removesuffix(".png")]
+        lines += [f"## {title}", "", f"![{title}]({picture})", ""]
+    return "\n".join(lines)
+
+
+def make_folder(out: Path) -> None:
+    """Make the folder; WorkFailed when it cannot be made."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
+
+
+def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
+    """report.md, joints.csv and pictures of two performers; the report first."""
+    first, second = pair.first.action, pair.second.action
+    names, ids = pair.first.instances.joint_names, (first, second)
+    both = np.stack(pair.joints)
+    with quiet():
+        motion = parts.motion_figure(
+            ids, pair.phase_s, None, both, np.ones(both.shape[:2], dtype=bool),
+            "Two performers", f"mean motions of {first} and {second} at {first}'s phases, "
+            f"on one body, facing one way",
+        )  # fmt: skip
+        heat = parts.deviation_figure(
+            pair.phase_s, pair.difference.angle_deg, pair.difference.distance_mm, names,
+            "Where they differ", f"between the mean motions of {first} and {second}",
+        )  # fmt: skip
+        make_folder(out)
+        save(motion, out / "motions.png")
+        save(heat, out / "difference.png")
+    parts.write_course(
+        out / "joints.csv", pair.phase_s, names,
+        {
+            "angle_deg": pair.difference.angle_deg,
+            "distance_mm": pair.difference.distance_mm,
+            "times_spread": pair.difference.ratio,
+            "second_phase_s": np.repeat(pair.second_s[:, None], len(names), axis=1),
+        },
+    )  # fmt: skip
+    angles = pair_angles(pair)
+    findings = pair_findings(pair, angles)
+    (out / "report.md").write_text(_pair_report(pair, findings), encoding="utf-8")
+    (out / "report.html").write_text(pair_page(pair, angles, findings), encoding="utf-8")
+    names_ = ("report.md", "report.html", "joints.csv", "motions.png", "difference.png")
+    return [out / name for name in names_]
+
+
+def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
+    first, second = pair.first.action, pair.second.action
+    names, between = pair.first.instances.joint_names, pair.difference
+    deg, mm, ratio = map(over_moments, (between.angle_deg, between.distance_mm, between.ratio))
+    order = np.argsort(-mm, kind="stable")
+    return "\n".join(
+        [
+            f"# Technique: {first} and {second}",
+            "",
+            f"Mean of {len(pair.first.instances.ids)} performances of {first}, mean of "
+            f"{len(pair.second.instances.ids)} of {second}. They share {len(pair.phase_s)} of "
+            f"{len(pair.first.instances.phase_s)} moments of {first}'s time axis, "
+            f"{pair.phase_s[0]:.2f} to {pair.phase_s[-1]:.2f} s; {second}'s "
+            f"phases "
+            f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
+            "",
+            *markdown_list(findings),
+            *parts.table(
+                ["joint", "rotation (deg)", "position (mm)", "times the spread"],
+                [
+                    (
+                        parts.in_words(names[j]),
+                        parts.number(deg[j]),
+                        parts.number(mm[j]),
+                        parts.number(ratio[j]),
+                    )
+                    for j in order
+                ],
+            ),
+            "",
+            "Root mean square over the moments. *Times the spread*: of the position, in standard "
+            "deviations of each performer's repetitions. Largest:",
+            "",
+            *parts.moment_sentences(pair.phase_s, between.distance_mm, names, "mm"),
+            "",
+            "![Two performers](motions.png)",
+            "",
+            "![Where they differ](difference.png)",
+            "",
+        ]
+    )

@@ -1,0 +1,156 @@
+"""What a verdict is made of: findings about parts of videos, and at most three sentences.
+
+A verdict as JSON, for programs and for runs in which everything is cached.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, get_args
+
+Kind = Literal[
+    "decision",  # a video was left out or mirrored
+    "same take",  # a recording that is there twice
+    "up",  # which way gravity points
+    "time",  # the correspondences
+    "body",  # the recovered body
+    "hidden",  # limbs that no video shows
+    "feet",
+    "detection",
+    "camera",
+    "view",  # depth that no video shows; the first sentence says it
+    "joints",  # ill-determined ones
+    "remark",  # worth knowing, no reason for distrust
+]
+SERIOUS: frozenset[Kind] = frozenset(
+    {"decision", "same take", "up", "time", "body", "hidden", "feet", "detection", "camera", "view"}
+)
+SENTENCES = 3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something to know about a video, or about a span of it.
+
+    Attributes:
+        video: its id; empty for what concerns all videos.
+        text: a clause without the video's name and without a full stop.
+        brief: the same in a few words, for the summary.
+        remedy: what to do about it; a clause, or empty.
+        first_frame, last_frame: source frames, both within; None for the whole video.
+        subject: what is not to be trusted, where that is no video, as in "the left hand".
+    """
+
+    kind: Kind
+    video: str
+    text: str
+    brief: str
+    remedy: str = ""
+    first_frame: int | None = None
+    last_frame: int | None = None
+    subject: str = ""
+
+    @property
+    def serious(self) -> bool:
+        """Whether it is a reason not to trust the result there."""
+        return self.kind in SERIOUS
+
+    @property
+    def place(self) -> str:
+        """The video, and its frames where only some are meant."""
+        if self.first_frame is None:
+            return self.video
+        return f"{self.video} {frames_text(self.first_frame, self.last_frame)}"
+
+    @property
+    def sentence(self) -> str:
+        """The finding and its remedy."""
+        where = f"{self.place}: " if self.video else ""
+        return where + "; ".join(part for part in (self.text, self.remedy) if part) + "."
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a person must know about a result, without truth.
+
+    Attributes:
+        summary: at most three sentences: how well synchronised; what not to trust; what to do.
+        findings: the reasons, the most serious first.
+        disagreement_s: how far the videos' times disagree among three or more; None where nothing
+            checks them.
+    """
+
+    summary: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    disagreement_s: float | None = None
+
+    def __post_init__(self) -> None:
+        assert len(self.summary) <= SENTENCES
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing was found that speaks against the result."""
+        return not any(finding.serious for finding in self.findings)
+
+    def __str__(self) -> str:
+        return "\n".join(self.summary)
+
+
+def frames_text(first: int, last: int | None) -> str:
+    """'frame 4' or 'frames 4-9'."""
+    return f"frame {first}" if last in (None, first) else f"frames {first}-{last}"
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """'a', 'a and b', 'a, b and c'; ``last``: before the last one."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+FILE = "verdict.json"
+DERIVED = ("sentence", "serious")  # of a finding's fields in the file
+
+
+def verdict_document(verdict: Verdict) -> dict[str, Any]:
+    """Plain data: the fields, and of each finding its sentence and whether it is serious."""
+    document = asdict(verdict)
+    for fields, finding in zip(document["findings"], verdict.findings, strict=True):
+        fields |= {"sentence": finding.sentence, "serious": finding.serious}
+    return document | {"trusted": verdict.trusted}
+
+
+def verdict_text(verdict: Verdict) -> str:
+    """The document as JSON text."""
+    return json.dumps(verdict_document(verdict), indent=1, ensure_ascii=False) + "\n"
+
+
+def read_verdict(text: str) -> Verdict:
+    """The verdict of a JSON text. ValueError when it is none."""
+    try:
+        document = json.loads(text)
+        findings = tuple(_finding(fields) for fields in document["findings"])
+        summary, disagreement_s = document["summary"], document["disagreement_s"]
+    except (LookupError, TypeError, AttributeError, RecursionError):
+        raise ValueError("expected a verdict") from None
+    sentences = isinstance(summary, list) and len(summary) <= SENTENCES and _are_plain(summary)
+    if not (sentences and isinstance(disagreement_s, int | float | None)):
+        raise ValueError("expected sentences, and how far the videos' times disagree")
+    return Verdict(tuple(summary), findings, disagreement_s)
+
+
+def _finding(fields: dict[str, Any]) -> Finding:
+    finding = Finding(**{name: x for name, x in fields.items() if name not in DERIVED})
+    texts = (finding.video, finding.text, finding.brief, finding.remedy, finding.subject)
+    frames = (finding.first_frame, finding.last_frame)
+    numbered = all(isinstance(frame, int | None) for frame in frames)
+    if finding.kind not in get_args(Kind) or not (numbered and _are_plain(texts)):
+        raise ValueError("expected a finding: a kind, sentences, frames")
+    return finding
+
+
+def _are_plain(texts: Iterable[object]) -> bool:
+    """Whether all are texts without characters that control a terminal."""
+    return all(isinstance(text, str) and text.isprintable() for text in texts)

@@ -1,0 +1,429 @@
+"""How well the videos' times agree, what collapses, repeats, or was decided about whole videos.
+
+How well the videos' times agree: round trips over three videos, and each video left out.
+
+Time that collapses: frames of a moving video that are all matched to one moment of another.
+
+Spans of a video that collapse onto one moment of another, named.
+
+Videos that nothing places in one repetition of the action rather than in the next.
+
+What the program decided about whole videos, and how to overrule it.
+
+Videos of one event: what their calibration claims, and whether undeclared ones look like one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.adapters.synchronisation import distinct_pictures
+from imocap_core.artifacts.schemas import (
+    EventCameras,
+    Keypoints,
+    RefineSync,
+    SyncMap,
+    SyncSummary,
+    VideoKeypoints,
+    VideoTrust,
+)
+from imocap_core.diagnostics.contradictions import (
+    anchor_advice,
+    forbidden_advice,
+    limbs_px,
+    person_size,
+)
+from imocap_core.diagnostics.findings import Finding, listed
+from imocap_core.motion.event_clock import clock_of
+from imocap_core.sequences import runs
+
+DOUBTFUL_S = 0.1  # of disagreement
+LEAST_MATCHED = 0.5  # of a video's frames
+UNCERTAIN = 0.5  # confidence
+LEAST_S = 0.5
+
+
+def disagreement_s(sync: SyncSummary) -> float | None:
+    """Median over the videos' round trips and left-out differences; None without a third video."""
+    if sync.trust is None or len(sync.ids) - len(sync.excluded) < 3:
+        return None
+    trips = [t.seconds for t in sync.trust.triples]
+    left_out = [v.left_out_s for v in sync.trust.videos]
+    medians = [np.median(x) for x in (_finite(trips), _finite(left_out)) if len(x)]
+    return float(max(medians)) if medians else None
+
+
+def timing_sentence(sync: SyncSummary, fps: float, left_out: int = 0) -> str:
+    """How well the videos are synchronised; fps: of the reference; left_out: the number of videos
+    that could not be used."""
+    used = [i for i in sync.ids if i not in sync.excluded]
+    if len(used) == 1:
+        alone = "One video" if len(sync.ids) == 1 else f"Only {used[0]} is used"
+        return (
+            f"{alone}: depth, the way the person faces and the path rest on what bodies usually "
+            "do, and nothing checks them."
+        )
+    every = np.concatenate([m.reference_frame for m in maps_of_others(sync)])
+    matched = float(np.isfinite(every).mean())
+    if len(used) == 2:
+        return (
+            f"{listed(used)} are matched in {matched:.0%} of their frames"
+            f"{repetition_clause(sync)}; with two videos nothing checks the timing."
+        )
+    declared = len(sync.ids) + left_out
+    count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
+    apart_s = disagreement_s(sync)
+    if apart_s is None:
+        return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
+    size = f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
+    if apart_s > DOUBTFUL_S:
+        return f"The timing is doubtful: the matches of {count} contradict each other by {size}."
+    return (
+        f"{count} are synchronised: their matches agree with one another within {size}, and "
+        f"{matched:.0%} of the frames have a counterpart{repetition_clause(sync)}."
+    )
+
+
+def maps_of_others(sync: SyncSummary) -> list[SyncMap]:
+    """The maps of the videos that take part, without the reference's."""
+    return [m for m in sync.maps if m.id != sync.reference and m.id not in sync.excluded]
+
+
+def timing_findings(sync: SyncSummary, videos: Sequence[VideoKeypoints]) -> list[Finding]:
+    """Videos whose timing is contradicted, hardly matched, or uncertain for a while."""
+    by_id = {video.id: video for video in videos}
+    trusts = {} if sync.trust is None else {v.id: v for v in sync.trust.videos}
+    findings = []
+    for sync_map in maps_of_others(sync):
+        whole = _of_video(sync_map, trusts.get(sync_map.id), sync.reference)
+        findings += whole or _of_spans(sync_map, by_id[sync_map.id])
+    return findings
+
+
+def _of_video(sync_map: SyncMap, trust: VideoTrust | None, reference: str) -> list[Finding]:
+    matched = float(np.isfinite(sync_map.reference_frame).mean())
+    if matched < LEAST_MATCHED:
+        return [
+            Finding(
+                "time",
+                sync_map.id,
+                f"only {matched:.0%} of its frames have a counterpart in {reference}",
+                "few frames matched",
+            )
+        ]
+    if trust is not None and trust.left_out_s > DOUBTFUL_S:
+        return [
+            Finding(
+                "time",
+                sync_map.id,
+                f"its match with {reference} and the one through the other videos disagree by "
+                f"{1000 * trust.left_out_s:.0f} ms",
+                f"timing contradicted by {1000 * trust.left_out_s:.0f} ms",
+                anchor_advice(sync_map.id, reference),
+            )
+        ]
+    return []
+
+
+def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
+    """Spans without a counterpart, and spans of low confidence."""
+    least, gap = max(2, round(LEAST_S * video.fps)), round(0.1 * video.fps)
+    matched = np.isfinite(sync_map.reference_frame)
+    # frames of one picture share the confidence of one observation
+    confidence = sync_map.confidence * distinct_pictures(video).times_shown
+    uncertain = matched & (confidence < UNCERTAIN)
+    findings = []
+    for a, b in runs(~matched, least):
+        findings.append(
+            Finding(
+                "remark",
+                video.id,
+                "no counterpart in another video; this part rests on this video alone",
+                "no counterpart",
+                "",
+                int(video.frames[a]),
+                int(video.frames[b]),
+            )
+        )
+    for a, b in runs(uncertain, least, gap):
+        mean = float(confidence[a : b + 1].mean())
+        findings.append(
+            Finding(
+                "time",
+                video.id,
+                f"the timing is uncertain (confidence {mean:.2f} on average)",
+                "timing uncertain",
+                "",
+                int(video.frames[a]),
+                int(video.frames[b]),
+            )
+        )
+    return findings
+
+
+def _finite(values: Sequence[float]) -> list[float]:
+    return [value for value in values if np.isfinite(value)]
+
+
+STOPPED = 0.1  # of the video's usual rate
+LEAST_COLLAPSED_S = 0.25
+LEAST_FRAMES = 6
+MOVED = 0.1  # of the person's size, root-relative: more than a detector's noise
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """Frames `first` to `last` (indices, both within) that are matched to `moment` of another."""
+
+    first: int
+    last: int
+    moment: float
+
+
+def collapses(
+    position: Float[np.ndarray, " T"], xy_px: Float[np.ndarray, "T K 2"], fps: float
+) -> list[Collapse]:
+    """Spans in which the person moves and the matched moment does not.
+
+    A person who stands still, or a freeze frame, is none; a video in slow motion is none either,
+    because rates are compared with the video's usual one.
+
+    Args:
+        position: matched frame of the other video (fractional index), NaN unmatched.
+        xy_px: keypoints in the same frames, NaN where not detected.
+    """
+    rate = np.diff(position)
+    usual = rate[np.isfinite(rate) & (rate > 0)]
+    if not len(usual):
+        usual = np.ones(1)
+    stopped = np.abs(np.nan_to_num(rate, nan=np.inf)) < STOPPED * np.median(usual)
+    least = max(LEAST_FRAMES, round(LEAST_COLLAPSED_S * fps))
+    spans = []
+    for first, last in runs(stopped, least - 1):
+        if pose_change(xy_px[first : last + 2], person_size(xy_px)) > MOVED:
+            moment = float(np.median(position[first : last + 2]))
+            spans.append(Collapse(first, last + 1, moment))
+    return spans
+
+
+def pose_change(xy_px: Float[np.ndarray, "T K 2"], size_px: float) -> float:
+    """Largest mean distance of the keypoints, about their centre, from those of the first frame,
+    in body sizes; 0 where nothing can be compared."""
+    centred = xy_px - np.nanmedian(xy_px, axis=1, keepdims=True) if len(xy_px) else xy_px
+    distance = np.linalg.norm(centred - centred[:1], axis=-1)
+    enough = np.isfinite(distance).sum(1) >= 3
+    if not enough.any():
+        return 0.0
+    return float(np.nanmean(distance[enough], axis=1).max() / size_px)
+
+
+BESIDE = 2  # frames
+
+
+def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -> list[Finding]:
+    """Spans of a video in which it moves and its match does not, in either direction.
+
+    Where a video's time stands still it jumps afterwards, so that the reference's stands still as
+    well: that is not named again.
+    """
+    findings = []
+    reference = videos[sync.reference]
+    for sync_map in maps_of_others(sync):
+        video = videos[sync_map.id]
+        spans = collapses(sync_map.reference_frame, limbs_px(video), video.fps)
+        inverse = _inverse(sync_map.reference_frame, len(reference.frames))
+        others = [
+            back
+            for back in collapses(inverse, limbs_px(reference), reference.fps)
+            if not any(s.first - BESIDE <= back.moment <= s.last + BESIDE for s in spans)
+        ]
+        findings += [_finding(video, reference, span) for span in spans]
+        findings += [_finding(reference, video, span) for span in others]
+    return findings
+
+
+def _finding(video: VideoKeypoints, other: VideoKeypoints, span: Collapse) -> Finding:
+    first, last = int(video.frames[span.first]), int(video.frames[span.last])
+    return Finding(
+        "time",
+        video.id,
+        f"the person moves, but all these frames are matched to one moment of {other.id} (frame "
+        f"{int(other.frames[round(span.moment)])})",
+        f"time collapses onto one moment of {other.id}",
+        f"{anchor_advice(video.id, other.id)}, or {forbidden_advice(video.id, first, last)}",
+        first,
+        last,
+    )
+
+
+def _inverse(position: Float[np.ndarray, " _"], length: int) -> Float[np.ndarray, " _"]:
+    """The inverse (length,) of an increasing map; NaN outside of it."""
+    matched = np.flatnonzero(np.isfinite(position))
+    if len(matched) < 2:
+        return np.full(length, np.nan)
+    return np.interp(
+        np.arange(length), position[matched], matched, left=np.nan, right=np.nan
+    ).astype(float)
+
+
+# Squared distance of a map shifted by a repetition over the map's own. Of 48 videos of walks that
+# begin in any cycle it names 34, among them 11 of the 13 that are matched a cycle off; of 72 videos
+# of other training clips 9, one of the 2 that are more than 0.35 s off among them
+NEARLY = 1.4
+
+
+def repeating_videos(sync: SyncSummary) -> list[VideoTrust]:
+    """Those whose maps fit nearly as well when shifted by a repetition."""
+    videos = [] if sync.trust is None else sync.trust.videos
+    return [v for v in videos if v.repetition_ratio < NEARLY and v.id not in sync.excluded]
+
+
+def repetition_clause(sync: SyncSummary) -> str:
+    """What the sentence on timing has to add; empty where the action does not repeat."""
+    repeating = repeating_videos(sync)
+    if not repeating:
+        return ""
+    period_s = float(np.median([abs(v.repetition_s) for v in repeating]))
+    names = listed([v.id for v in repeating], "or")
+    return f", but the action repeats, and {names} may be matched {period_s:.1f} s off"
+
+
+def repetition_findings(sync: SyncSummary) -> list[Finding]:
+    """A remark on each of these videos."""
+    return [_repetition_finding(video, sync.reference) for video in repeating_videos(sync)]
+
+
+def _repetition_finding(video: VideoTrust, reference: str) -> Finding:
+    direction = "later" if video.repetition_s > 0 else "earlier"
+    return Finding(
+        "remark",
+        video.id,
+        f"the action repeats: {abs(video.repetition_s):.1f} s {direction} in {reference} the video "
+        f"fits nearly as well (squared distances of poses {video.repetition_ratio:.1f} times as "
+        "large)",
+        "may be matched a repetition off",
+        f"if it is, {anchor_advice(video.id, reference)}",
+    )
+
+
+KEEP = "`--set sync.outliers=report` (in action.yaml `params: {sync: {outliers: report}}`)"
+
+
+def decision_findings(sync: SyncSummary) -> list[Finding]:
+    """Videos that were left out or mirrored, and what else was noticed about whole videos."""
+    findings = [_excluded(sync, video) for video in sync.excluded]
+    findings += [_mirrored(sync, video) for video in sync.mirrored if video not in sync.excluded]
+    treated = {*sync.excluded, *sync.mirrored}
+    for note in sync.notes:
+        video = next((i for i in sync.ids if note.startswith(f"{i} ")), "")
+        if video in treated:
+            continue
+        text = note.removeprefix(f"{video} ") if video else note
+        findings.append(Finding("remark", video, text, text))
+    return findings
+
+
+def _excluded(sync: SyncSummary, video: str) -> Finding:
+    return Finding(
+        "decision",
+        video,
+        f"left out, because it seems to show another action{_score(sync, video)}; its motion is "
+        "that of this video alone and not in the others' time",
+        "left out as another action",
+        f"if it does show this action, run again with {KEEP}",
+    )
+
+
+def _mirrored(sync: SyncSummary, video: str) -> Finding:
+    if any(note.startswith(f"{video} is declared mirrored") for note in sync.notes):
+        return Finding("remark", video, "mirrored, as action.yaml declares", "mirrored as declared")
+    return Finding(
+        "decision",
+        video,
+        f"treated as its mirror image{_margin(sync, video)}",
+        "treated as mirrored",
+        f"if its picture is not flipped, write `mirrored: false` below `id: {video}` in "
+        "action.yaml, and `mirrored: true` if it is",
+    )
+
+
+def _score(sync: SyncSummary, video: str) -> str:
+    value = _trust(sync, video, "outlier_score")
+    return f" (score {value:.2f}; usual videos stay below 0.9)" if np.isfinite(value) else ""
+
+
+def _margin(sync: SyncSummary, video: str) -> str:
+    value = _trust(sync, video, "mirror_margin")
+    if not np.isfinite(value):
+        return ""
+    return f", because it fits the others {100 * (np.exp(value) - 1):.0f} % better so"
+
+
+def _trust(sync: SyncSummary, video: str, name: str) -> float:
+    videos = [] if sync.trust is None else sync.trust.videos
+    return next((float(getattr(v, name)) for v in videos if v.id == video), float("nan"))
+
+
+ONE_OFFSET_S = 0.04  # of nine tenths of a video's matches from one offset
+ONE_PATH_M = 0.007  # deviation of each video's path from the common one
+UNCERTAIN_S = 0.1
+
+
+def event_sentence(event: EventCameras, fps: float, left_out: int = 0) -> str:
+    """How well the videos of one event are synchronised and their cameras calibrated.
+
+    Args:
+        fps: of the reference; left_out: the number of videos that could not be used.
+    """
+    ids = [camera.id for camera in event.cameras]
+    count = f"{len(ids)} of {len(ids) + left_out} videos" if left_out else f"{len(ids)} videos"
+    offset_s = max(camera.offset_sd_s for camera in event.cameras)
+    turned = max(camera.rotation_sd_deg for camera in event.cameras)
+    focal = max(camera.focal_sd for camera in event.cameras)
+    lens = f"; focal lengths to {focal:.0%}" if focal > 0 else ""
+    doubt = "The timing is doubtful: " if offset_s > UNCERTAIN_S else ""
+    return (
+        f"{doubt}{count} of one event are synchronised to about {1000 * offset_s:.0f} ms "
+        f"({offset_s * fps:.1f} frames), and their cameras are calibrated from the performer: "
+        f"directions to about {turned:.1f} degrees{lens}."
+    )
+
+
+def event_findings(keypoints: Keypoints, refined: RefineSync) -> list[Finding]:
+    """A remark where the videos were not declared one event and look like one."""
+    sync, common = refined.sync, refined.motion.common
+    if refined.event is not None or common is None or len(common.ids) < 2:
+        return []
+    if float(common.rigid_offset_sd[:, 3:].max()) > ONE_PATH_M:
+        return []
+    used = [k for k, i in enumerate(sync.ids) if i not in sync.excluded]
+    maps, videos = [sync.maps[k] for k in used], [keypoints.videos[k] for k in used]
+    clock = clock_of(
+        [m.reference_frame for m in maps],
+        [m.confidence for m in maps],
+        [video.fps for video in videos],
+        [m.id for m in maps].index(sync.reference),
+    )
+    apart = []
+    for v, (m, video) in enumerate(zip(maps, videos, strict=True)):
+        matched = np.isfinite(m.reference_frame)
+        away = np.arange(len(matched)) - clock.rate[v] * m.reference_frame - clock.offset[v]
+        if not matched.any() or not np.isfinite(clock.offset[v]):
+            return []
+        apart.append(float(np.quantile(np.abs(away[matched]), 0.9)) / video.fps)
+    if max(apart) > ONE_OFFSET_S:
+        return []
+    return [
+        Finding(
+            "remark",
+            "",
+            f"{listed([m.id for m in maps])} keep one offset to each other within "
+            f"{1000 * max(apart):.0f} ms, as videos of one event do: if they film one and the same "
+            "performance, event: true in action.yaml calibrates the cameras by it",
+            "may be one event",
+        )
+    ]

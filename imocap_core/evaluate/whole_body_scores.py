@@ -1,0 +1,322 @@
+"""Whole-body metrics of one result: each joint, rotations, the surface, the motion in the world.
+
+Surfaces of recovered and true bodies: vertex errors, stretch, torso volume, feet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas.motion_schemas import VideoMotion
+from imocap_core.body import Model, Posed
+from imocap_core.body.model import rotations_from_pose
+from imocap_core.body.points import PointSet, pick_points
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.evaluate.scoreboard import (
+    StageResult,
+    consecutive,
+    posed_body,
+    true_body,
+    true_joints,
+    true_rotations,
+    true_segments,
+    video_truth,
+)
+from imocap_core.io.truth import Truth, VideoTruth, model_text
+from imocap_core.metrics import scoring, trajectory
+from imocap_core.metrics.position import hip_midpoint, mean_over_frames
+from imocap_core.metrics.scoring import CameraJoints, ScoreRow, scored_row
+from imocap_core.metrics.whole_body import (
+    closed_part,
+    edges_of,
+    joint_rotation_errors_deg,
+    pa_pve_mm,
+    segment_rotations,
+    stretched_edge_shares,
+    vertex_distances_mm,
+    volumes_m3,
+)
+from imocap_core.workers import at_once
+
+TORSO = ("spine1", "spine2", "spine3", "left_collar", "right_collar")
+"""The torso above the pelvis, whose own volume changes whenever the hips bend."""
+
+HAND_PARTS = ("wrist", "hand", "thumb", "index", "middle", "ring", "pinky")
+"""In the names of the joints that keypoints of the body say nothing of."""
+
+FOOT_POINTS = ("left_heel", "left_big_toe", "right_heel", "right_big_toe")
+_CHUNK = 32  # frames whose surfaces are in memory together
+
+
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """What the measures of a body's surface need of its mesh; see `mesh_stretch`."""
+
+    edges: Int[np.ndarray, "E 2"]
+    torso_faces: Int[np.ndarray, "G 3"]
+    torso_ends: Int[np.ndarray, "B 3"]
+
+
+@dataclass(frozen=True)
+class VertexErrors:
+    """PVE about the hips' middle, the same without hands, and after Procrustes; mm."""
+
+    pve: float
+    pve_without_hands: float
+    pa_pve: float
+
+
+@dataclass(frozen=True)
+class SurfaceMeasures:
+    """Distortion of a body's surface against the same person's at rest, and its errors.
+
+    stretched_shares: of edges, per frame; torso_volumes: relative to rest. errors: None without
+    a true surface.
+    """
+
+    stretched_shares: Float[np.ndarray, " T"]
+    torso_volumes: Float[np.ndarray, " T"]
+    errors: VertexErrors | None
+
+
+@lru_cache(maxsize=2)
+def surface_mesh(model: Model) -> SurfaceMesh:
+    """Edges and torso of a body model.
+
+    A vertex belongs to the torso when its largest skinning weight is that of a joint of TORSO.
+    """
+    faces = model.faces.cpu().numpy()
+    torso = [model.joint_names.index(name) for name in TORSO]
+    part = np.isin(model.weights.argmax(dim=1).cpu().numpy(), torso)
+    return SurfaceMesh(edges_of(faces), *closed_part(faces, part))
+
+
+def measure_surfaces(
+    predicted: Sequence[Posed], true: Posed | None, mesh: SurfaceMesh
+) -> list[SurfaceMeasures]:
+    """Measures of several results of one video; each surface is skinned once.
+
+    Errors are means over vertices and frames, NaN without frames.
+    """
+    bodies = [*predicted, *([] if true is None else [true])]
+    parts = [slice(start, start + _CHUNK) for start in range(0, len(bodies[0].transl), _CHUNK)]
+    measured: list[list[SurfaceMeasures]] = [[] for _ in predicted]
+    for part in parts:
+        surfaces = [_surface(body, part) for body in bodies]
+        last = None if true is None else surfaces[-1]
+        for measures, surface in zip(measured, surfaces, strict=False):
+            errors = None if last is None else _vertex_errors_mm(surface, last)
+            measures.append(_distortion(surface, mesh, errors))
+    return [_of_all_frames(measures, true is not None) for measures in measured]
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """A body's surface in some frames, at rest, and its root; metres."""
+
+    model: Model
+    vertices: Float[np.ndarray, "t V 3"]
+    rest: Float[np.ndarray, "V 3"]
+    root: Float[np.ndarray, "t 3"]
+
+
+def _surface(body: Posed, frames: slice) -> _Surface:
+    shaped = body.shaped
+    posed = shaped.pose(body.R_local[frames], body.transl[frames])
+    root = hip_midpoint(posed.joints.cpu().numpy(), shaped.model.joint_names)
+    vertices, rest = (x.cpu().numpy() for x in (posed.mesh().vertices, shaped.vertices_rest))
+    return _Surface(shaped.model, vertices, rest, root)
+
+
+def _distortion(
+    surface: _Surface, mesh: SurfaceMesh, errors: VertexErrors | None
+) -> SurfaceMeasures:
+    """The measures that need no truth, beside those that do."""
+    volumes = volumes_m3(surface.vertices, mesh.torso_faces, mesh.torso_ends)
+    return SurfaceMeasures(
+        stretched_edge_shares(surface.vertices, surface.rest, mesh.edges),
+        volumes / volumes_m3(surface.rest, mesh.torso_faces, mesh.torso_ends),
+        errors,
+    )
+
+
+def _vertex_errors_mm(predicted: _Surface, true: _Surface) -> VertexErrors:
+    """Means over the frames of two surfaces."""
+    pair = predicted.vertices, true.vertices
+    distances = vertex_distances_mm(*pair, predicted.root, true.root)
+    without_hands = np.compress(~_hand_vertices(predicted.model), distances, axis=1)
+    return VertexErrors(
+        mean_over_frames(distances), mean_over_frames(without_hands), pa_pve_mm(*pair)
+    )
+
+
+def _of_all_frames(parts: Sequence[SurfaceMeasures], scored: bool) -> SurfaceMeasures:
+    errors = [astuple(part.errors) for part in parts if part.errors is not None]
+    counts = [len(part.stretched_shares) for part in parts]
+    means = np.average(errors, axis=0, weights=counts) if errors else np.full(3, np.nan)
+    return SurfaceMeasures(
+        np.concatenate([np.zeros(0), *(part.stretched_shares for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.torso_volumes for part in parts)]),
+        VertexErrors(*(float(mean) for mean in means)) if scored else None,
+    )
+
+
+@lru_cache(maxsize=2)
+def _hand_vertices(model: Model) -> Bool[np.ndarray, " V"]:
+    """Vertices whose largest skinning weight is that of a wrist or a joint beyond it."""
+    beyond = [j for j, name in enumerate(model.joint_names) if _is_of_hand(name)]
+    return np.isin(model.weights.argmax(dim=1).cpu().numpy(), beyond)
+
+
+def _is_of_hand(joint: str) -> bool:
+    return any(part in joint for part in HAND_PARTS)
+
+
+def foot_points_m(posed: Posed) -> Float[np.ndarray, "T 4 3"]:
+    """Heel and big toe of both feet, on the surface."""
+    return np.asarray(posed.keypoints(_foot_points(posed.shaped.model)).cpu().numpy())
+
+
+def _foot_points(model: Model) -> PointSet:
+    return pick_points(model.points("body25"), FOOT_POINTS)
+
+
+JointErrors = dict[str, float]
+NO_TRUTH = "no truth"
+NO_CAMERA = "the true camera is not known"
+NO_POSE = "the truth has no joint rotations"
+NO_SURFACE = "the truth has no pose and shape of this body model"
+
+
+def whole_body_rows(
+    results: Sequence[StageResult], keypoints: Keypoints, truth: Truth | None, model: Model
+) -> list[list[ScoreRow]]:
+    """Every metric of `body_scoring`, per result, all videos; rows without a value have the
+    reason."""
+    names = [result.name for result in results]
+
+    def of_video(v: int) -> list[list[ScoreRow]]:
+        video, motions = keypoints.videos[v], [result.motions[v] for result in results]
+        surfaces = _surface_rows(names, video, motions, truth, model)
+        true = video_truth(truth, video.id)
+        return [
+            [*joint_rows(name, video, motion, true), *of_surface]
+            for name, motion, of_surface in zip(names, motions, surfaces, strict=True)
+        ]
+
+    videos = at_once(of_video, range(len(keypoints.videos)))
+    return [[row for of_result in videos for row in of_result[k]] for k in range(len(results))]
+
+
+def joint_rows(
+    name: str, video: VideoKeypoints, motion: VideoMotion, truth: VideoTruth | None
+) -> list[ScoreRow]:
+    """The metrics that need joints and rotations, not the body's surface."""
+    predicted = CameraJoints(motion.joints, SMPL_JOINTS, consecutive(motion.frames))
+    jitter = scoring.jitter_row(name, video.id, predicted, video.fps)
+    true, R_true = true_joints(truth, motion.frames), true_rotations(truth)
+    if true is None:
+        unknown = truth is None or truth.joints is None
+        note = NO_TRUTH if unknown else NO_CAMERA
+        metrics = (*scoring.JOINT_GROUPS, *scoring.WORLD_METRICS)
+        rows = scoring.unscored_rows(name, video.id, dict.fromkeys(metrics, note))
+    else:
+        rows = [
+            *scoring.joint_group_rows(name, video.id, predicted, true),
+            *scoring.world_rows(name, video.id, predicted, true),
+        ]
+    segments = segment_rotations(_local_rotations(motion))
+    rows += scoring.segment_rows(name, video.id, segments, true_segments(truth))
+    if R_true is None:
+        note = NO_TRUTH if truth is None else NO_POSE
+        notes = dict.fromkeys(scoring.ROTATION_METRICS, note)
+        rows += scoring.unscored_rows(name, video.id, notes)
+    else:
+        rows += scoring.rotation_rows(name, video.id, _local_rotations(motion), R_true)
+    return [*rows, jitter]
+
+
+def joint_position_errors_mm(result: StageResult, truth: Truth | None) -> JointErrors:
+    """SMPL joint -> error after alignment on the twelve joints, mean over frames, then videos.
+
+    Empty without truth.
+    """
+
+    def of_video(motion: VideoMotion) -> JointErrors:
+        true = true_joints(video_truth(truth, motion.id), motion.frames)
+        predicted = CameraJoints(motion.joints, SMPL_JOINTS, consecutive(motion.frames))
+        return {} if true is None else scoring.aligned_errors_mm(predicted, true)
+
+    return _mean_over_videos(result.motions, of_video)
+
+
+def joint_rotation_errors(result: StageResult, truth: Truth | None) -> JointErrors:
+    """SMPL joint -> error of its local rotation in degrees, mean over frames, then videos.
+
+    Empty where the truth has no rotations.
+    """
+
+    def of_video(motion: VideoMotion) -> JointErrors:
+        true = true_rotations(video_truth(truth, motion.id))
+        if true is None:
+            return {}
+        errors = joint_rotation_errors_deg(_local_rotations(motion), true)
+        return dict(zip(SMPL_JOINTS, errors.tolist(), strict=True))
+
+    return _mean_over_videos(result.motions, of_video)
+
+
+def _mean_over_videos(
+    motions: Iterable[VideoMotion], of_video: Callable[[VideoMotion], JointErrors]
+) -> JointErrors:
+    videos = [errors for motion in motions if (errors := of_video(motion))]
+    joints = [name for name in SMPL_JOINTS if any(name in errors for errors in videos)]
+    return {
+        name: float(np.mean([errors[name] for errors in videos if name in errors]))
+        for name in joints
+    }
+
+
+def _surface_rows(
+    names: Sequence[str],
+    video: VideoKeypoints,
+    motions: Sequence[VideoMotion],
+    truth: Truth | None,
+    model: Model,
+) -> list[list[ScoreRow]]:
+    """Vertex errors and foot sliding where the truth has a surface, and the surface's stretch; per
+    result."""
+    bodies = [posed_body(model, motion, list(range(len(motion.frames)))) for motion in motions]
+    same_model = truth is not None and truth.model == model_text(model.name, model.digest)
+    true = true_body(video_truth(truth, video.id), model) if same_model else None
+    measured = measure_surfaces(bodies, true, surface_mesh(model))
+    why_not = NO_TRUTH if truth is None else NO_SURFACE
+
+    def rows(
+        name: str, motion: VideoMotion, body: Posed, surface: SurfaceMeasures
+    ) -> list[ScoreRow]:
+        shares, volumes = surface.stretched_shares, surface.torso_volumes
+        stretch = scoring.stretch_rows(name, video.id, shares, volumes)
+        if true is None or surface.errors is None:
+            notes = dict.fromkeys(scoring.SURFACE_METRICS, why_not)
+            return [*scoring.unscored_rows(name, video.id, notes), *stretch]
+        feet = foot_points_m(body), foot_points_m(true)
+        sliding = trajectory.foot_sliding_mm(*feet, consecutive(motion.frames), video.fps)
+        values = (*astuple(surface.errors), sliding)
+        if_nan = (*("no frame has both",) * 3, "no foot is in contact")
+        scored = zip(scoring.SURFACE_METRICS, values, if_nan, strict=True)
+        return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
+
+    return [rows(*one) for one in zip(names, motions, bodies, measured, strict=True)]
+
+
+def _local_rotations(motion: VideoMotion) -> np.ndarray:
+    """Joint rotations (T, 24, 3, 3) relative to the parent joint."""
+    return np.asarray(rotations_from_pose(torch.from_numpy(motion.theta)).numpy())

@@ -1,1 +1,0 @@
-"""Scripts that Blender runs; they import nothing of the project."""

@@ -1,0 +1,264 @@
+"""What is written beside every export: notes on axes and units, tables; and files come complete.
+
+Files of an export come into their folder complete, and replace nothing but an older export.
+
+export_<format>.json lists the files that were written with their digests. A file that no export
+wrote, that somebody has changed since, or that belongs to an export in another format or world is
+left alone, and the new one is refused.
+
+The values of an npz file, and the tables beside every export: sync.csv and cameras.json.
+
+Axes, units, frame rates and pivot of an export, written to export_<format>.json.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.export.export_options import LAFAN1, ExportOptions
+from imocap_core.io.writers.bvh import FPS
+from imocap_core.io.writers.export_npz import (
+    BETAS_NOTE,
+    CameraFrames,
+    ExportedHands,
+    ExportedVideo,
+    write_cameras,
+    write_sync,
+)
+from imocap_core.io.writers.text_files import CameraCalibration
+from imocap_core.result.artifacts import run_record
+from imocap_core.result.result import CAMERA_UP, ActionResult
+from imocap_core.result.video import Synchronisation, VideoCamera, VideoResult
+
+NOTES = "export_*.json"
+
+
+def digests_of(files: Sequence[Path]) -> dict[str, str]:
+    """SHA-256 of each file, by its name."""
+    return {file.name: _digest(file) for file in files}
+
+
+def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
+    """Move files into the folder `out`; WorkFailed, with nothing moved, when one must not be
+    replaced. notes: the name of this export's export_<format>.json."""
+    earlier = {file.name: _listed(file) for file in sorted(out.glob(NOTES))}
+    for draft in drafts:
+        target = out / draft.name
+        if (target.exists() or target.is_symlink()) and draft.name != notes:
+            _must_be_replaceable(target, draft, earlier, notes)
+    placed = [out / draft.name for draft in drafts]
+    for draft, target in zip(drafts, placed, strict=True):
+        os.replace(draft, target)
+    return placed
+
+
+def _must_be_replaceable(
+    target: Path, draft: Path, earlier: dict[str, dict[str, str]], notes: str
+) -> None:
+    present = _digest(target) if target.is_file() else ""
+    owners = [name for name, files in earlier.items() if files.get(target.name) == present]
+    if not owners and present != _digest(draft):
+        raise WorkFailed(
+            f"{target} exists, and was not written by an export or has been changed since; choose "
+            f"another folder with --out, or move it away"
+        )
+    others = [name for name in owners if name != notes]
+    if others and present != _digest(draft):
+        raise WorkFailed(
+            f"{target} belongs to {others[0]}, an export of other axes or of another run; choose "
+            f"another folder with --out, or give both the same --up"
+        )
+
+
+def _listed(notes: Path) -> dict[str, str]:
+    """The files that an export wrote, by its notes; none when these are not readable."""
+    try:
+        files = json.loads(notes.read_text(encoding="utf-8"))["files"]
+        return {str(name): str(digest) for name, digest in files.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return {}
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_cameras_and_sync(out: Path, result: ActionResult) -> list[Path]:
+    """sync.csv and cameras.json, of a result on the videos' own timelines."""
+    videos = [npz_values(video, result) for video in result]
+    return [write_sync_table(out, result.sync), write_cameras(out, videos, result.reference)]
+
+
+def write_sync_table(out: Path, sync: Synchronisation) -> Path:
+    """sync.csv."""
+    summary = sync.summary
+    return write_sync(
+        out,
+        {video.id: video.frames for video in sync.videos.values()},
+        {m.id: (m.reference_frame, m.confidence) for m in summary.maps},
+        summary.reference,
+        None if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos},
+    )
+
+
+def per_frame(camera: VideoCamera) -> CameraFrames | None:
+    """The camera of every frame; None where it is static."""
+    if camera.is_static:
+        return None
+    return CameraFrames(camera.K_per_frame, camera.R_per_frame, camera.t_per_frame)
+
+
+def calibration_of(camera: VideoCamera) -> CameraCalibration:
+    """A camera as calibration files hold it; WrongUse for one that turns, zooms or moves."""
+    if not camera.is_static:
+        raise WrongUse(
+            f"--format calib: the camera of {camera.id} turns, zooms or moves, and a calibration "
+            "file holds one pose a camera; leave it out with --video, or export npz, which has "
+            "the camera of every frame"
+        )
+    lens = tuple(camera.distortion.tolist())
+    return CameraCalibration(camera.id, camera.size, camera.K, camera.R, camera.t, lens)
+
+
+def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
+    """One video as its npz file holds it."""
+    hands = None
+    if video.hands is not None:
+        hands = ExportedHands(video.poses, video.hands.points, video.hands.visible)
+    common = result.time == "common"
+    return ExportedVideo(
+        id=video.id,
+        poses=video.theta,
+        betas=video.betas,
+        trans=video.trans,
+        joints=video.body_joints,
+        joint_names=tuple(SMPL_JOINTS),
+        fps=video.fps,
+        size=video.camera.size,
+        frames=video.frames,
+        K=video.camera.K,
+        R=video.camera.R,
+        t=video.camera.t,
+        model=video.model,
+        joint_sd_mm=video.uncertainty,
+        per_frame=per_frame(video.camera),
+        distortion=None if video.camera.lens is None else video.camera.distortion,
+        up_axis=result.up_axis,
+        hands=hands,
+        inside=video.inside if common else None,
+        phase_s=video.phase_s if common else None,
+        time_s=None if video.keypoints.moments is None else video.time_s,
+    )
+
+
+UNITS = {
+    "npz": {"length": "metre", "angle": "radian (axis-angle)"},
+    "bvh": {"length": "metre", "angle": "degree (Euler, R = Rz Ry Rx)"},
+    "glb": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
+    "trc": {"length": "millimetre", "angle": None},
+    "csv": {"length": "metre", "angle": None},
+    "opensim": {"length": "metre (trc: millimetre)", "angle": "degree (ISB, docs/angles.md)"},
+    "c3d": {"length": "millimetre", "angle": "degree (ISB, docs/angles.md)"},
+    "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
+    "fbx": {"length": "centimetre", "angle": "degree (Euler, per node)"},
+    "usd": {"length": "metre", "angle": "unit quaternion"},
+    "calib": {"length": "metre", "angle": "radian (rotation vector)"},
+    "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
+    "amass": {"length": "metre", "angle": "radian (axis-angle)"},
+}
+REST = "T pose; joints' axes at rest are the world's; the body faces +z with y up, -y with z up"
+LAFAN1_REST = "LAFAN1's: every joint's x points along its bone, all angles 0"
+PIVOT = (
+    "pelvis: a body's translation is that of its pelvis joint, about which its global orientation "
+    "turns; every other joint turns about itself"
+)
+SMPL_PIVOT = (
+    "pelvis, in SMPL's convention: vertices = LBS(poses, turned about the rest pelvis) + trans, so "
+    "the pelvis is at rest pelvis + trans; the free body's rest pelvis is the origin"
+)
+SMPL_FORMATS = ("npz", "amass")
+OUR_BETAS = "of this body model; another model's mean other shapes"
+CAMERA_WORLD = "the axes of the reference camera in its first used frame: x right, y down, z ahead"
+LEVEL_WORLD = (
+    "level: {up} up, right-handed, the ground at {up} = 0, the origin on it under the bodies; the "
+    "reference camera looks along {ahead}"
+)
+VARIABLE = (
+    "the file's frames are not evenly spaced in time: rows are even moments, at fractional frames"
+)
+AHEAD = {"y": "-z", "z": "+y"}
+OWN = "own: one row or key for every used frame of the video, in its frame rate"
+COMMON = (
+    "common: one time axis for all videos (the sync artifact's phase, seconds of the reference), "
+    "in steps of the reference's frames, so that equal times are equal moments of the action. "
+    "Before a video's first and after its last moment it stands still in its nearest pose "
+    "(`outside_s` below, and inside = 0 where the format has the column)"
+)
+
+
+def notes_of(
+    result: ActionResult, format: str, options: ExportOptions | None = None
+) -> dict[str, Any]:
+    """Everything that a reader of the files needs besides the numbers."""
+    notes: dict[str, Any] = {
+        "action": result.action,
+        "format": format,
+        "up_axis": result.up_axis,
+        "world": _world(result.up_axis),
+        "handedness": "right",
+        "units": UNITS[format],
+        "pivot": SMPL_PIVOT if format in SMPL_FORMATS else PIVOT,
+        "time": COMMON if result.time == "common" else OWN,
+        "reference": result.reference,
+        "body_model": result.model,
+        "betas": BETAS_NOTE if format == "amass" else OUR_BETAS,
+        "videos": {video.id: _video(result, video) for video in result},
+        "run": run_record(result.artifacts),
+    }
+    if format == "bvh":
+        notes["rest"] = REST
+    if options is not None and options.scale == "cm":
+        notes["units"] = notes["units"] | {"length": "centimetre"}
+    if options is not None and options.names == LAFAN1:
+        notes["rest"], notes["frames_per_second"] = LAFAN1_REST, FPS
+    if result.left_out:
+        notes["left_out"] = list(result.left_out)
+    return notes
+
+
+def _world(up_axis: str) -> str:
+    if up_axis == CAMERA_UP:
+        return CAMERA_WORLD
+    return LEVEL_WORLD.format(up=up_axis, ahead=AHEAD[up_axis])
+
+
+def write_notes(out: Path, notes: dict[str, Any]) -> Path:
+    """Write out/export_<format>.json and return its path."""
+    file = out / f"export_{notes['format']}.json"
+    file.write_text(json.dumps(notes, indent=2) + "\n", encoding="utf-8")
+    return file
+
+
+def _video(result: ActionResult, video: VideoResult) -> dict[str, Any]:
+    notes: dict[str, Any] = {
+        "frames_per_second": video.fps,
+        "frames": len(video.frames),
+        "first_source_frame": float(video.frames[0]),
+        "last_source_frame": float(video.frames[-1]),
+        "hands": video.hands is not None,
+    }
+    if video.keypoints.moments is not None:
+        notes["variable_frame_rate"] = VARIABLE
+        notes["first_time_s"], notes["last_time_s"] = map(float, video.time_s[[0, -1]])
+    if result.time == "common":
+        notes["first_phase_s"] = float(video.phase_s[0])
+        notes["outside_s"] = float((~video.inside).sum() / video.fps)
+    return notes

@@ -1,0 +1,321 @@
+"""Round trips over three videos, standard deviations of joints, joint angles.
+
+Round trips: from a video to a second, to a third and back, by the most similar frames.
+
+Round trips over three videos, in the action's frames: what cycle consistency demands.
+
+Claimed standard deviation of each joint, overall and over time.
+
+Joint angles over the action: the mean of the performances with its standard deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Int
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from imocap_core.adapters.sync_maps import maps_of, nearest_by_affinity
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary, Table, Uncertainty
+from imocap_core.biomechanics.joint_angles import MeanCurve
+from imocap_core.conventions import EVAL_12, EVAL_INDICES
+from imocap_core.figures.overlays import CELL_PX, Image
+from imocap_core.figures.style import ACCENT, DPI, INK, QUIET, color_of, grid, headline, new_figure
+from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
+
+Positions = Int[np.ndarray, " T"]  # where each frame of the trip's first video is
+
+EXAMPLES = 5
+
+
+def chosen_trip(sync: Sync) -> list[str]:
+    """The reference and the two most central other videos that are not excluded, or fewer."""
+    rank = dict(zip(sync.ids, sync.centrality, strict=True))
+    others = [i for i in sync.ids if i != sync.reference and i not in sync.excluded]
+    return [sync.reference, *sorted(others, key=lambda i: -rank[i])[:2]]
+
+
+def round_trip(nearest: Callable[[str, str], Positions], trip: Sequence[str]) -> list[Positions]:
+    """Position of each frame of the first video of `trip` in each video of the trip, and in the
+    first again.
+
+    Args:
+        nearest: the most similar frame of a second video for each frame of a first.
+    """
+    steps = [nearest(here, there) for here, there in pairwise([*trip, trip[0]])]
+    positions: list[Positions] = [np.arange(len(steps[0]))]
+    for step in steps:
+        positions.append(step[positions[-1]])
+    return positions
+
+
+def trips_of(sync: Sync, trip: Sequence[str]) -> tuple[list[Positions], list[Positions]]:
+    """The round trip by the affinities alone, and after cycle consistency."""
+    maps, number = maps_of(sync), {name: v for v, name in enumerate(sync.ids)}
+    return (
+        round_trip(lambda a, b: nearest_by_affinity(sync, a, b), trip),
+        round_trip(lambda a, b: maps.pair(number[a], number[b]).largest(), trip),
+    )
+
+
+def cycle_starts(sync: Sync, trip: Sequence[str]) -> list[int]:
+    """Example frames of the first video, evenly over those matched in all videos of `trip`."""
+    inside = np.ones(sync.lengths[sync.ids.index(trip[0])], dtype=bool)
+    for sync_map in (m for m in sync.maps if m.id in trip[1:]):
+        matched = sync_map.reference_frame[np.isfinite(sync_map.reference_frame)]
+        if trip[0] == sync.reference and len(matched):
+            index = np.arange(len(inside))
+            inside &= (index >= matched.min()) & (index <= matched.max())
+    frames = np.flatnonzero(inside) if inside.any() else np.arange(len(inside))
+    examples = np.linspace(0.08, 0.92, EXAMPLES) * (len(frames) - 1)
+    return [int(frames[k]) for k in np.unique(np.rint(examples).astype(int))]
+
+
+def cycle_frames(sync: Sync, trip: Sequence[str], starts: Sequence[int]) -> dict[str, set[int]]:
+    """Video -> the indices whose pictures `cycle_figure` shows."""
+    before, after = trips_of(sync, trip)
+    shown: dict[str, set[int]] = {video: set() for video in trip}
+    for video, positions in zip([*trip, trip[0]], after, strict=True):
+        shown[video] |= {int(positions[s]) for s in starts}
+    shown[trip[0]] |= {int(before[-1][s]) for s in starts}
+    return shown
+
+
+SHARE = 0.55  # of a contact sheet's cell
+LEFT_PX, TOP_PX, BELOW_PX, RIGHT_PX, LINE_PX = 150, 62, 26, 430, 22
+NEAR_FRAMES = 2  # trips that end this close to their start count as closed
+
+
+def cycle_figure(
+    sync: Sync,
+    trip: Sequence[str],
+    starts: Sequence[int],
+    cells: Mapping[str, Mapping[int, Image]],
+    frames: Mapping[str, Int[np.ndarray, " _"]],
+) -> Figure:
+    """Frames of the first video of `trip`, their matches in the others and back, and the distance
+    of every frame's end from its start, before and after cycle consistency.
+
+    Args:
+        trip: video ids; the trip returns to the first.
+        starts: indices of the first video's used frames.
+        cells: video -> index -> picture of a cell's size, for all indices of `cycle_frames`.
+        frames: video -> source frame numbers.
+    """
+    before, after = trips_of(sync, trip)
+    pictures = [
+        [(video, int(position[s])) for s in starts]
+        for video, position in zip([*trip, trip[0]], after, strict=True)
+    ]
+    pictures.append([(trip[0], int(before[-1][s])) for s in starts])
+    names = [f"{trip[0]}: start", *(f"to {i}" for i in trip[1:]), f"back in {trip[0]}"]
+    names.append("back, by the\naffinities alone")
+    width, height = (round(SHARE * side) for side in CELL_PX)
+    size = (
+        LEFT_PX + len(starts) * (width + 6) + RIGHT_PX,
+        TOP_PX + len(pictures) * (height + LINE_PX) + BELOW_PX,
+    )
+    figure = new_figure(size[0] / DPI, size[1] / DPI, arranged=False)
+    for r, row in enumerate(pictures):
+        top = TOP_PX + r * (height + LINE_PX)
+        _text(figure, names[r], LEFT_PX - 12, top + height / 2, size, INK, "right")
+        for c, (video, index) in enumerate(row):
+            left = LEFT_PX + c * (width + 6)
+            small = cv2.resize(cells[video][index], (width, height), interpolation=cv2.INTER_AREA)
+            bottom = size[1] - top - height
+            figure.figimage(small, left, bottom, origin="upper")
+            caption, color = f"frame {frames[video][index]}", color_of(sync.ids, video)
+            if r >= len(trip):
+                off = index - int(starts[c])
+                caption = f"{frames[video][index]} ({format(off, '+d') if off else '0'})"
+                color = ACCENT if abs(off) > NEAR_FRAMES else color
+            _text(figure, caption, left + width / 2, top + height + 10, size, color, "center")
+    plot = (size[0] - RIGHT_PX + 90, 70, RIGHT_PX - 110, size[1] - TOP_PX - 100)
+    box = (plot[0] / size[0], plot[1] / size[1], plot[2] / size[0], plot[3] / size[1])
+    _returns(figure.add_axes(box), before, after, frames[trip[0]], trip)
+    there = ", on to ".join(trip[1:])
+    headline(
+        figure,
+        f"Round trip over {'two' if len(trip) == 2 else 'three'} videos",
+        f"each column: a frame of {trip[0]}, its match in {there}, and from there in {trip[0]}",
+    )
+    return figure
+
+
+def _returns(
+    ax: Axes,
+    before: list[Positions],
+    after: list[Positions],
+    frames: Positions,
+    trip: Sequence[str],
+) -> None:
+    """The distance of every frame's end from its start."""
+    for positions, color, name in (
+        (before, "#d9a79b", "affinities alone"),
+        (after, "#28588a", "cycle-consistent"),
+    ):
+        off = positions[-1] - positions[0]
+        closed = float(np.mean(np.abs(off) <= NEAR_FRAMES))
+        label = f"{name}: {closed:.0%} within {NEAR_FRAMES}"
+        ax.plot(frames, off, color=color, lw=1.4, label=label)
+    ax.axhline(0, color=QUIET, lw=0.7)
+    ax.set_title("end minus start of each round trip")
+    ax.set_xlabel(f"frame of {trip[0]}")
+    ax.set_ylabel("frames")
+    low, high = np.quantile(np.concatenate([before[-1] - before[0], [-6, 6]]), [0.02, 0.98])
+    ax.set_ylim(1.3 * min(low, -6), 1.6 * max(high, 6))
+    ax.legend(loc="upper right")
+    grid(ax)
+
+
+def _text(
+    figure: Figure, text: str, x: float, y: float, size: tuple[int, int], color: str, side: str
+) -> None:
+    """Text at pixels from the upper left corner."""
+    figure.text(x / size[0], 1 - y / size[1], text, color=color, ha=side, va="center", fontsize=7.5)
+
+
+CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(
+    "uncertain", ["#f4f6f8", "#f0d3b8", "#d98b4a", "#a3432c", "#5a1f1a"]
+)
+
+
+def uncertainty_figure(
+    claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary, by_joint: Table | None
+) -> Figure:
+    """Bars: the claimed standard deviation of each joint and, where known, the true error. Map: the
+    claimed standard deviation of each joint over the common time axis, mean over the videos.
+
+    by_joint: the report's table `uncertainty_joints`, which has the errors.
+    """
+    sigma_mm = np.concatenate([v.sigma_mm[:, EVAL_INDICES] for v in claimed.videos])
+    rms_mm = np.sqrt(np.nanmean(sigma_mm**2, axis=0))
+    order = np.argsort(rms_mm)
+    errors_mm = _errors(by_joint)
+    figure = new_figure(11.0, 3.9)
+    bars, over = figure.subplots(1, 2, width_ratios=[1.0, 1.35])
+    names = [EVAL_12[j].replace("_", " ") for j in order]
+    lines = np.arange(len(order))
+    bars.barh(lines, rms_mm[order], 0.62, color="#85a9cc", label="claimed standard deviation")
+    true_mm = np.array([errors_mm.get(EVAL_12[j], np.nan) for j in order])
+    if np.isfinite(true_mm).any():
+        bars.plot(true_mm, lines, "D", color=ACCENT, ms=4.5, label="true error")
+    bars.set_yticks(lines, names)
+    bars.set_ylim(-0.5, len(order) - 0.5)
+    bars.tick_params(axis="y", length=0)
+    bars.set_xlabel("root mean square (mm)")
+    bars.legend(loc="lower right")
+    grid(bars, "x")
+    moments_s, by_moment = over_time(claimed, keypoints, sync)
+    shown = by_moment[:, order].T
+    image = over.imshow(
+        shown,
+        cmap=CERTAIN_TO_UNCERTAIN,
+        vmin=0,
+        vmax=float(np.nanquantile(shown, 0.98)),
+        aspect="auto",
+        origin="lower",
+        extent=(moments_s[0], moments_s[-1], -0.5, len(order) - 0.5),
+        interpolation="nearest",
+    )
+    over.set_yticks([])
+    over.set_xlabel(f"time in {sync.reference} (s)")
+    over.spines[:].set_visible(False)
+    figure.colorbar(image, ax=over, label="mm", pad=0.01, shrink=0.9)
+    headline(
+        figure,
+        "Uncertainty of each joint",
+        "relative to the hips' middle; left: all frames; right: over time, mean over the videos",
+    )
+    return figure
+
+
+def over_time(
+    claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary
+) -> tuple[Float[np.ndarray, " M"], Float[np.ndarray, "M 12"]]:
+    """Seconds on the common axis, and claimed standard deviations in mm, root mean square over the
+    videos that show that moment; NaN where none does."""
+    fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
+    moments = common_moments(keypoints, sync)
+    total, count = np.zeros((len(moments), len(EVAL_INDICES))), np.zeros((len(moments), 1))
+    for video in claimed.videos:
+        index, matched = retimed(positions_on_axis(sync, video.id, fps), moments, fps)
+        sigma = video.sigma_mm[index][:, EVAL_INDICES]
+        shown = matched[:, None] & np.isfinite(sigma)
+        total += np.where(shown, sigma**2, 0.0)
+        count += shown.all(axis=1, keepdims=True)
+    mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+    return moments / fps, np.sqrt(mean)
+
+
+def _errors(by_joint: Table | None) -> Mapping[str, float]:
+    """Joint -> error in mm, where known."""
+    if by_joint is None:
+        return {}
+    joint, error = (by_joint.columns.index(c) for c in ("joint", "error_mm"))
+    return {
+        str(row[joint]): value for row in by_joint.rows if isinstance(value := row[error], float)
+    }
+
+
+COLUMNS = 3
+WIDTH_IN = 9.6
+GAPS = {"hspace": 0.32, "wspace": 0.16}  # of a panel
+LEFT, RIGHT, MIDDLE = "#31689b", "#d0802f", "#4a5058"
+SIDES = (("left_", LEFT), ("right_", RIGHT))
+SUBTITLE = (
+    "degrees against seconds of the reference; line: mean of the performances, band: one standard "
+    "deviation. Definitions: docs/angles.md"
+)
+
+
+def angle_figure(
+    action: str, phase_s: Float[np.ndarray, " N"], curves: Mapping[str, MeanCurve]
+) -> Figure:
+    """A panel for every angle, left and right sides in one; a row for every joint."""
+    titles = list(dict.fromkeys(map(_without_side, curves)))
+    joints = list(dict.fromkeys(title.partition("_")[0] for title in titles))
+    height = 0.9 + 1.45 * len(joints)
+    figure = new_figure(WIDTH_IN, height, arranged=False)  # panels of one size: nothing to arrange
+    edges = {"left": 0.48 / WIDTH_IN, "right": 1 - 0.12 / WIDTH_IN}
+    edges |= {"bottom": 0.42 / height, "top": 1 - 0.84 / height}
+    axes = figure.subplots(
+        len(joints), COLUMNS, sharex=True, squeeze=False, gridspec_kw=edges | GAPS
+    )
+    for row, joint in enumerate(joints):
+        of_joint = [title for title in titles if title.partition("_")[0] == joint]
+        for column, ax in enumerate(axes[row]):
+            if column < len(of_joint):
+                _panel(ax, of_joint[column], phase_s, curves)
+            else:
+                ax.set_visible(False)
+    for ax in axes[-1]:
+        ax.set_xlabel("s")
+    handles, labels = axes[joints.index("hip"), 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper right", ncols=2)
+    headline(figure, f"{action}: joint angles", SUBTITLE)
+    return figure
+
+
+def _panel(
+    ax: Axes, title: str, phase_s: Float[np.ndarray, " N"], curves: Mapping[str, MeanCurve]
+) -> None:
+    sides = [(p + title, p.rstrip("_"), c) for p, c in SIDES if p + title in curves]
+    for name, label, colour in sides or [(title, "", MIDDLE)]:
+        curve = curves[name]
+        low, high = curve.mean_deg - curve.sd_deg, curve.mean_deg + curve.sd_deg
+        ax.fill_between(phase_s, low, high, color=colour, alpha=0.2, linewidth=0)
+        ax.plot(phase_s, curve.mean_deg, color=colour, label=label)
+    ax.axhline(0, color=QUIET, lw=0.5, zorder=0)
+    ax.grid(True, axis="y")
+    ax.set_title(title.replace("_", " "))
+
+
+def _without_side(name: str) -> str:
+    return name.removeprefix("left_").removeprefix("right_")

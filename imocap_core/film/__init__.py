@@ -1,1 +1,0 @@
-"""Films: the bodies over every video, and all videos in lock-step."""

@@ -1,0 +1,305 @@
+"""Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics.
+
+COCO's results: one JSON list per clip with one entry per person and frame.
+
+Each entry has ``image_id`` (here the frame number, or a picture's name that ends in it),
+``keypoints`` (x, y, score, x, y, score, ... of the detector's points, pixels) and a ``score`` of
+the whole person, as COCO's page on result formats describes; whole-body results (COCO-WholeBody)
+add ``foot_kpts``, ``face_kpts``, ``lefthand_kpts`` and ``righthand_kpts``. An annotation
+file's visibility flags (0 not labelled, 1 hidden, 2 visible) count as 0, 1 and 1. Category, box and
+the person's score are not used: the performer is found by the joints' positions.
+
+AlphaPose: `alphapose-results.json`, one list per clip with one entry per person and frame.
+
+As AlphaPose documents it: ``image_id`` is the picture's name (``12.jpg`` of a video is frame 12),
+``category_id`` 1, ``keypoints`` x, y (pixels) and confidence of every point, and ``score`` of the
+person; newer versions add ``box`` and ``idx``. Models of COCO have 17 points, of Halpe 26 or 136,
+of COCO-WholeBody 133. Confidences of heat maps may exceed 1 and then count as 1. The person's
+score, box and track are not used: people are tracked by their joints.
+
+Its other forms (``--format cmu`` and ``open``) are a dictionary by picture name with ``bodies``
+(``joints``) or ``people`` (``pose_keypoints_2d``) of 18 points, and the same as a folder
+``sep-json`` with one file a picture.
+
+MMPose: the predictions of one clip as one JSON file.
+
+Its demos write ``meta_info`` and ``instance_info``; its inferencer writes the list alone. The list
+has one entry per frame: ``frame_id`` and ``instances``, each with ``keypoints`` [[x, y], ...] in
+pixels and ``keypoint_scores``. The demos count frames from 1, the inferencer from 0: a list that
+starts at frame 1 and skips none counts from 1. Boxes and their scores are not used.
+
+What the inferencer returns, saved as it is, is a list of frames that are lists of people; of a
+folder of pictures it writes one such list a file.
+
+Ultralytics' pose models (YOLO): results saved as JSON, or the labels that ``save_txt`` writes.
+
+JSON: a list with one entry a frame, what ``summary()`` or ``to_json()`` of its result gives: a list
+of people (or its text) with ``keypoints`` {x, y, visible}, pixels or shares of the picture. Labels:
+a folder with a file a frame that has people, ``NAME_1.txt`` of the first frame of a video; each
+row is a class, a box and x, y (, confidence) of the points as shares, then possibly a confidence
+and a track. Boxes and tracks are not used.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.io.readers.people import (
+    DetectedPeople,
+    cleaned,
+    detections,
+    flat_points,
+    frame_number,
+    must_have_layout,
+    numbered_contents,
+    numbered_files,
+    points,
+    read_json,
+    short,
+    type_name,
+)
+from imocap_core.limits import must_be_small_enough
+
+LAYOUTS = ("coco17", "halpe26", "body25", "coco18", "wholebody133", "halpe136")
+WHOLE_BODY_PARTS = ("keypoints", "foot_kpts", "face_kpts", "lefthand_kpts", "righthand_kpts")
+
+
+def read_coco(path: Path, layout: str) -> DetectedPeople:
+    """All people of all frames in a results file.
+
+    ValueError names file, field, expected and got.
+    """
+    return read_entries(path, layout, "COCO")
+
+
+def read_entries(path: Path, layout: str, what: str) -> DetectedPeople:
+    """As `read_coco`; `what` is the format's name in messages."""
+    must_have_layout(LAYOUTS, layout, what, path)
+    entries = read_json(path)
+    if isinstance(entries, dict) and isinstance(entries.get("annotations"), list):
+        entries = entries["annotations"]  # an annotation file
+    if not isinstance(entries, list):
+        raise ValueError(
+            f"{path}: expected {what}'s list of results, got {type_name(entries)}; name the file "
+            "with the whole clip"
+        )
+    people: dict[int, list[np.ndarray]] = {}
+    for i, entry in enumerate(entries):
+        where = f"{path}: [{i}]"
+        if not isinstance(entry, dict):
+            raise ValueError(f"{where}: expected one person's fields, got {type_name(entry)}")
+        frame = frame_number(entry.get("image_id"), f"{where}.image_id")
+        person = flat_points(_all_points(entry, layout), layout, f"{where}.keypoints")
+        people.setdefault(frame, []).append(person)
+    return detections(people, layout, path)
+
+
+def _all_points(entry: dict[str, Any], layout: str) -> Any:
+    """The person's numbers, all parts of a whole body concatenated."""
+    body = entry.get("keypoints")
+    if layout != "wholebody133" or "foot_kpts" not in entry or not isinstance(body, list):
+        return body
+    parts = [entry.get(name) for name in WHOLE_BODY_PARTS]
+    return [number for part in parts if isinstance(part, list) for number in part]
+
+
+PERSON_FIELDS = {"bodies": "joints", "people": "pose_keypoints_2d"}
+
+
+def read_alphapose(path: Path, layout: str) -> DetectedPeople:
+    """All people of all frames in a results file, or a folder of them.
+
+    ValueError names file, field, expected and got.
+    """
+    if path.is_dir():
+        return _by_picture(numbered_contents(path, "AlphaPose"), layout, path)
+    content = read_json(path)
+    if not isinstance(content, dict) or "annotations" in content:
+        return read_entries(path, layout, "AlphaPose")
+    frames = (
+        (frame_number(name, f"{path}: {short(name)}"), of_frame, f"{path}: {short(name)}")
+        for name, of_frame in content.items()
+    )
+    return _by_picture(frames, layout, path)
+
+
+def _by_picture(frames: Iterable[tuple[int, Any, str]], layout: str, path: Path) -> DetectedPeople:
+    must_have_layout(LAYOUTS, layout, "AlphaPose", path)
+    people = {}
+    for frame, content, where in frames:
+        name = next((n for n in PERSON_FIELDS if isinstance(content, dict) and n in content), None)
+        listed = content[name] if name is not None else None
+        if name is None or not isinstance(listed, list):
+            raise ValueError(f"{where}: expected `bodies` or `people`, got {type_name(listed)}")
+        people[frame] = [
+            flat_points(
+                person.get(PERSON_FIELDS[name]) if isinstance(person, dict) else person,
+                layout,
+                f"{where}.{name}[{n}]",
+            )
+            for n, person in enumerate(listed)
+        ]
+    return detections(people, layout, path)
+
+
+MMPOSE_LAYOUTS = ("coco17", "halpe26", "wholebody133", "h36m17", "body25", "coco18")
+
+
+def read_mmpose(path: Path, layout: str) -> DetectedPeople:
+    """All people of all frames of a predictions file. ValueError names file, field,
+    expected and got."""
+    must_have_layout(MMPOSE_LAYOUTS, layout, "MMPose", path)
+    if path.is_dir():
+        contents = numbered_contents(path, "MMPose")
+        listed: list[Any] = [{"frame_id": n, "instances": people} for n, people, _ in contents]
+    else:
+        listed = frames_of(read_json(path), path)
+    people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
+    for i, entry in enumerate(listed):
+        where = f"{path}: [{i}]"
+        entry = {"instances": entry} if isinstance(entry, list) else entry
+        instances = entry.get("instances") if isinstance(entry, dict) else None
+        if not isinstance(instances, list):
+            raise ValueError(
+                f"{where}.instances: expected a list of people, got {type_name(instances)}"
+            )
+        frame = frame_number(entry.get("frame_id", i), f"{where}.frame_id")
+        people[frame] = people.get(frame, []) + [
+            _person(person, layout, f"{where}.instances[{n}]") for n, person in enumerate(instances)
+        ]
+    if not path.is_dir() and sorted(people) == list(range(1, len(people) + 1)):
+        people = {frame - 1: in_frame for frame, in_frame in people.items()}
+    return detections(people, layout, path)
+
+
+def frames_of(content: Any, path: Path) -> list[Any]:
+    """The list of frames, in either form. ValueError when there is none."""
+    listed = content.get("instance_info") if isinstance(content, dict) else content
+    if not isinstance(listed, list):
+        raise ValueError(
+            f"{path}: instance_info: expected a list with one entry per frame, got "
+            f"{type_name(listed)}; save the predictions of the whole video"
+        )
+    return listed
+
+
+def _person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
+    xy = person.get("keypoints") if isinstance(person, dict) else None
+    scores = person.get("keypoint_scores") if isinstance(person, dict) else None
+    if not isinstance(xy, list) or not isinstance(scores, list) or len(xy) != len(scores):
+        got = f"{_size(xy)} and {_size(scores)}"
+        raise ValueError(
+            f"{where}: expected keypoints [[x, y], ...] and as many keypoint_scores, got {got}"
+        )
+    try:
+        table = np.column_stack([np.array(xy, float).reshape(len(xy), -1)[:, :2], scores])
+    except (TypeError, ValueError):
+        raise ValueError(f"{where}.keypoints: expected numbers only, got {short(xy)}") from None
+    return points(table, layout, f"{where}.keypoints")
+
+
+def _size(values: Any) -> str:
+    return f"{len(values)}" if isinstance(values, list) else type_name(values)
+
+
+ULTRALYTICS_LAYOUTS = ("coco17", "halpe26", "wholebody133")
+BEFORE, AFTER = 5, 2  # numbers in a row before the points, and at most after them
+
+
+def read_ultralytics(path: Path, layout: str) -> DetectedPeople:
+    """All people of all frames. ValueError names file, field, expected and got."""
+    must_have_layout(ULTRALYTICS_LAYOUTS, layout, "Ultralytics", path)
+    return detections(_labels(path, layout) if path.is_dir() else _json(path, layout), layout, path)
+
+
+def people_of(entry: Any) -> Any:
+    """The people of a frame, whose entry may be text."""
+    if isinstance(entry, str):
+        try:
+            return json.loads(entry)
+        except (ValueError, RecursionError):
+            return None
+    return entry
+
+
+def is_person(entry: Any) -> bool:
+    """Whether an entry is a person of such a file."""
+    points = entry.get("keypoints") if isinstance(entry, dict) else None
+    return isinstance(points, dict) and {"x", "y"} <= set(points)
+
+
+def _json(path: Path, layout: str) -> dict[int, list[Float[np.ndarray, "K 3"]]]:
+    listed = read_json(path)
+    if not isinstance(listed, list):
+        raise ValueError(f"{path}: expected a list with one entry a frame, got {type_name(listed)}")
+    people = {}
+    for frame, entry in enumerate(listed):
+        in_frame = people_of(entry)
+        if not isinstance(in_frame, list):
+            raise ValueError(f"{path}: [{frame}]: expected a list of people, got {short(entry)}")
+        people[frame] = [
+            _ultralytics_person(person, layout, f"{path}: [{frame}][{n}].keypoints")
+            for n, person in enumerate(in_frame)
+        ]
+    return people
+
+
+def _ultralytics_person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
+    if not is_person(person):
+        raise ValueError(f"{where}: expected x, y and visible of the points, got {short(person)}")
+    points, count = person["keypoints"], len(layout_names(layout))
+    try:
+        columns = [np.array(points[name], float) for name in ("x", "y")]
+        columns.append(np.array(points.get("visible", np.ones(count)), float))
+        return cleaned(np.stack(columns, axis=-1).reshape(count, 3))
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{where}: expected x, y and visible of the {count} points of {layout}, got "
+            f"{short(points)}; check `layout` in action.yaml"
+        ) from None
+
+
+def _labels(folder: Path, layout: str) -> dict[int, list[Float[np.ndarray, "K 3"]]]:
+    files = numbered_files(folder, ".txt", "Ultralytics")
+    count = len(layout_names(layout))
+    first = min(min(files), 1)  # of a video they count from 1
+    return {n - first: [_row(r, count, where) for r, where in rows_of(f)] for n, f in files.items()}
+
+
+def rows_of(file: Path) -> list[tuple[list[float], str]]:
+    """The rows of numbers of a labels file, and where they are."""
+    must_be_small_enough(file)
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        rows = [[float(word) for word in line.split()] for line in lines]
+    except ValueError as error:
+        raise ValueError(f"{file}: expected rows of numbers: {error}") from None
+    return [(row, f"{file}: row {n}") for n, row in enumerate(rows, start=1) if row]
+
+
+def points_in(row: list[float], count: int) -> Float[np.ndarray, "K 3"] | None:
+    """x, y, confidence of `count` points in a row; None where it has another number of them."""
+    for width in (3, 2):
+        after = len(row) - BEFORE - width * count
+        if 0 <= after <= AFTER:
+            table = np.array(row[BEFORE : BEFORE + width * count]).reshape(count, width)
+            visible = table[:, 2] if width == 3 else (table != 0).any(axis=1)
+            return cleaned(np.column_stack([table[:, :2], visible]))
+    return None
+
+
+def _row(row: list[float], count: int, where: str) -> Float[np.ndarray, "K 3"]:
+    person = points_in(row, count)
+    if person is None:
+        raise ValueError(
+            f"{where}: expected a class, a box and {count} points, got {len(row)} numbers; run a "
+            f"pose model, and check `layout` in action.yaml"
+        )
+    return person

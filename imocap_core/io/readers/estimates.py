@@ -1,0 +1,258 @@
+"""Shared by the readers of monocular 3D estimates: checked fields, and the performer's rows.
+
+Of a monocular estimate the joint rotations (or the joints) are used, in camera axes (x right,
+y down, z forward). Its translation is not: its depth depends on the focal length that each tool
+assumes, so the body is placed by the keypoints.
+
+Results that hold a list of people for every frame, as users save what an estimator returned.
+
+Results with one dictionary per person: VIBE, WHAM and tools in their format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+
+from imocap_core.io.array_files import read_results
+from imocap_core.io.readers.people import LARGEST, read_json, short, type_name
+from imocap_core.rotations import exp
+
+JOINTS = 24  # SMPL's
+REACH = 0.75  # of the larger side of the performer's box: further away it is somebody else
+_TOLERANCE = 0.05  # of R Rᵀ - 1 of a rotation matrix
+
+
+@dataclass(frozen=True)
+class PerformerBoxes:
+    """Where the keypoints have the performer: boxes x0 y0 x1 y1 at the used source frames, NaN
+    where undetected, and the picture's size (width, height)."""
+
+    frames: Int[np.ndarray, " T"]
+    box_px: Float[np.ndarray, "T 4"]
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Entries:
+    """All estimates of a file: the source frame and the track of each, and the middle of the person
+    in the picture, None when the file has no positions."""
+
+    frames: Int[np.ndarray, " N"]
+    track: Int[np.ndarray, " N"]
+    middle_px: Float[np.ndarray, "N 2"] | None
+
+
+def performer_rows(
+    entries: Entries, performer: PerformerBoxes, path: Path
+) -> Int[np.ndarray, " T"]:
+    """Index of the performer's estimate at each used frame, -1 where there is none.
+
+    Of several people in a frame the one nearest to the performer's box is used; without positions
+    in the file, the track that is in most of the used frames.
+
+    ValueError when no used frame has an estimate.
+    """
+    used = {int(frame): row for row, frame in enumerate(performer.frames)}
+    rows = np.full(len(performer.frames), -1, dtype=np.int64)
+    in_used = np.array([int(frame) in used for frame in entries.frames], dtype=bool)
+    alone = len(set(entries.frames[in_used].tolist())) == int(in_used.sum())
+    keep = in_used
+    if not alone and entries.middle_px is None:
+        tracks, counts = np.unique(entries.track[in_used], return_counts=True)
+        keep = in_used & (entries.track == tracks[counts.argmax()])
+    if not alone and entries.middle_px is not None:
+        keep = in_used & _nearest(entries, performer, used)
+    for n in np.flatnonzero(keep):
+        rows[used[int(entries.frames[n])]] = n
+    if (rows < 0).all():
+        have = (
+            f"{entries.frames.min()} to {entries.frames.max()}" if len(entries.frames) else "none"
+        )
+        where = " at the performer's keypoints" if in_used.any() else ""
+        first, last = performer.frames[0], performer.frames[-1]
+        raise ValueError(
+            f"{path}: expected an estimate in frames {first} to {last}{where}, got frames {have}; "
+            "give the estimate of this video"
+        )
+    return rows
+
+
+def _nearest(
+    entries: Entries, performer: PerformerBoxes, used: dict[int, int]
+) -> Bool[np.ndarray, " N"]:
+    """Which entries are the nearest to the performer's box in their frames."""
+    assert entries.middle_px is not None
+    places = np.where(np.abs(entries.middle_px) < LARGEST, entries.middle_px, np.nan)
+    best: dict[int, tuple[float, int]] = {}
+    for n, frame in enumerate(entries.frames):
+        if int(frame) not in used:
+            continue
+        box = performer.box_px[used[int(frame)]]
+        away = float(np.linalg.norm(places[n] - 0.5 * (box[:2] + box[2:])))
+        reach = REACH * float(np.max(box[2:] - box[:2]))
+        if away <= min(reach, best.get(int(frame), (np.inf, -1))[0]):  # NaN is never
+            best[int(frame)] = (away, n)
+    keep = np.zeros(len(entries.frames), dtype=bool)
+    keep[[n for _, n in best.values()]] = True
+    return keep
+
+
+def select_rows(
+    values: Float[np.ndarray, "N *rest"], rows: Int[np.ndarray, " T"]
+) -> Float[np.ndarray, "T *rest"]:
+    """Values at some rows, NaN where the row is -1."""
+    selected = values[np.maximum(rows, 0)].astype(np.float64)
+    selected[rows < 0] = np.nan
+    return selected
+
+
+def field(
+    record: Any, name: str, shape: Sequence[int | str], where: str
+) -> Float[np.ndarray, "..."]:
+    """Numbers ``name`` of a dictionary, float64; ValueError unless their shape matches.
+
+    Text in `shape` matches any length.
+    """
+    expected = "(" + ", ".join(map(str, shape)) + ")"
+    if not isinstance(record, dict):
+        raise ValueError(f"{where}: expected a dictionary with {name}, got {type_name(record)}")
+    value = record.get(name)
+    if isinstance(value, list):
+        try:
+            value = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ValueError(f"{where}: {name}: expected numbers {expected}, got a list") from None
+    if not isinstance(value, np.ndarray):
+        have = ", ".join(map(str, record)) or "nothing"
+        raise ValueError(
+            f"{where}: {name}: expected numbers {expected}, got {type_name(value)}; has: {have:.80}"
+        )
+    fits = value.ndim == len(shape) and all(
+        isinstance(want, str) or got == want for got, want in zip(value.shape, shape, strict=True)
+    )
+    if not fits or value.dtype.kind not in "fiu":
+        raise ValueError(
+            f"{where}: {name}: expected numbers {expected}, got {value.dtype} {value.shape}"
+        )
+    return value.astype(np.float64)
+
+
+def from_vectors(vectors: Float[np.ndarray, "N D"]) -> Float[np.ndarray, "N 24 3 3"]:
+    """Joint rotations of axis-angle vectors (72 numbers or fewer); missing joints are at rest."""
+    full = np.zeros((len(vectors), 3 * JOINTS))
+    full[:, : vectors.shape[1]] = vectors
+    return exp(torch.as_tensor(full.reshape(-1, JOINTS, 3))).numpy()
+
+
+def checked_rotations(
+    matrices: Float[np.ndarray, "N 24 3 3"], where: str
+) -> Float[np.ndarray, "N 24 3 3"]:
+    """The same matrices; ValueError unless they are rotations (or NaN)."""
+    bounded = np.where(np.abs(matrices) < 2, matrices, 2.0)  # not a rotation, but finite
+    bounded[np.isnan(matrices).any(axis=(-1, -2))] = np.eye(3)
+    off = np.abs(bounded @ np.swapaxes(bounded, -1, -2) - np.eye(3)).max(axis=(-1, -2))
+    wrong = (off > _TOLERANCE) | (np.linalg.det(bounded) < 0)
+    if wrong.any():
+        n, joint = np.argwhere(wrong)[0]
+        raise ValueError(
+            f"{where}: expected rotation matrices, got something else in row {n}, joint {joint}"
+        )
+    return matrices
+
+
+def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " N"]:
+    """Frame numbers as integers; ValueError unless all are whole and at least 0."""
+    if not (np.isfinite(values).all() and (values >= 0).all() and (values % 1 == 0).all()):
+        raise ValueError(f"{where}: expected frame numbers from 0, got {short(values)}")
+    return values.astype(np.int64)
+
+
+def people_of(content: Any, path: Path) -> dict[str, Any]:
+    """Person -> fields, as VIBE and WHAM write them. ValueError for other content."""
+    if not isinstance(content, dict) or not content:
+        got = "an empty one" if isinstance(content, dict) else type_name(content)
+        raise ValueError(f"{path}: expected a dictionary of people, got {got}")
+    return {str(name): fields for name, fields in content.items()}
+
+
+@dataclass(frozen=True)
+class PersonInFrame:
+    """One person's values in one frame; middle_px: NaN where the file has no place in the
+    picture."""
+
+    frame: int
+    middle_px: Float[np.ndarray, "2"]
+    values: Float[np.ndarray, "..."]
+
+
+def frame_entries(content: Any, path: Path) -> list[Any]:
+    """The entries of a list with one for each frame. ValueError when it is none, or empty."""
+    listed = list(content) if isinstance(content, np.ndarray) and content.ndim else content
+    if not isinstance(listed, list) or not listed:
+        got = "an empty one" if isinstance(listed, list) else type_name(listed)
+        raise ValueError(f"{path}: expected a list with one entry per frame, got {got}")
+    return listed
+
+
+def is_empty(people: Any) -> bool:
+    """Whether a list or an array of people has none."""
+    return people == [] if isinstance(people, list) else np.shape(people)[:1] == (0,)
+
+
+def box_middles(boxes: Any, people: int, where: str) -> Float[np.ndarray, "P 2"]:
+    """Middles of one frame's ``boxes``: left, top, width, height, and perhaps a score; pixels."""
+    table = field({"boxes": boxes}, "boxes", (people, "4 or 5"), where)
+    if table.shape[1] < 4:
+        raise ValueError(f"{where}: boxes: expected left, top, width, height, got {table.shape}")
+    return np.asarray(table[:, :2] + 0.5 * table[:, 2:4])
+
+
+def read_saved(path: Path) -> Any:
+    """The content of a JSON, .npy, .pkl or .pt file."""
+    return read_json(path) if path.suffix == ".json" else read_results(path)
+
+
+def of_performer(
+    people: Sequence[PersonInFrame], performer: PerformerBoxes, path: Path
+) -> Float[np.ndarray, "T *rest"]:
+    """The performer's values at the used frames, NaN where missing. ValueError without anybody."""
+    if not people:
+        raise ValueError(f"{path}: expected at least one person, got none; run it again")
+    middle = np.array([person.middle_px for person in people])
+    places = middle if np.isfinite(middle).all() else None
+    frames = np.array([person.frame for person in people], dtype=np.int64)
+    entries = Entries(frames, np.zeros(len(people), dtype=np.int64), places)
+    values = np.stack([person.values for person in people])
+    return select_rows(values, performer_rows(entries, performer, path))
+
+
+MiddleOf = Callable[
+    [dict[str, Any], int, str], Float[np.ndarray, "N 2"]
+]  # person, number of frames, place in the file -> middle in pixels
+
+
+def performer_of(
+    path: Path, performer: PerformerBoxes, middle_px: MiddleOf
+) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
+
+    ValueError names file, person, field, expected and got.
+    """
+    frames, track, middle, poses = [], [], [], []
+    for number, (name, person) in enumerate(people_of(read_results(path), path).items()):
+        where = f"{path}: person {name}"
+        pose = field(person, "pose", ("N", 72), where)
+        middle.append(middle_px(person, len(pose), where))
+        frames.append(frame_ids(field(person, "frame_ids", (len(pose),), where), where))
+        track.append(np.full(len(pose), number))
+        poses.append(pose)
+    entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
+    rows = performer_rows(entries, performer, path)
+    return select_rows(from_vectors(np.concatenate(poses)), rows)

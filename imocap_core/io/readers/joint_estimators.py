@@ -1,0 +1,214 @@
+"""Estimators of 3D joints: joints_npz, MeTRAbs, NLF, SAM 3D Body.
+
+joints_npz: any monocular estimator's 3D joints of one video.
+
+MeTRAbs: what `detect_poses(..., skeleton="smpl_24")` returns, saved by the user.
+
+A list with one dictionary per frame: ``poses3d`` (people, 24, 3) millimetres in camera axes, in
+SMPL's order, and ``boxes`` (people, 4 or more) left, top, width, height in pixels; a JSON, .npy,
+.pkl or .pt file. ``poses2d`` are not used.
+
+NLF: what `detect_smpl_batched` returns, saved by the user with torch.save, pickle or as JSON.
+
+A list of its dictionaries, one for every batch of pictures in the video's order, or one dictionary.
+``pose`` is a list over the pictures of (people, 72), axis-angle in camera axes (of SMPL+H and
+SMPL-X the first 66 numbers); ``boxes`` a list of (people, 4 or 5) left, top, width, height in
+pixels. Joints, vertices, shape, translation and uncertainties are not used.
+
+Files with what SAM 3D Body's estimator returns: MHR's 70 points of every person, by name.
+
+The estimator gives a list of people per picture, each a dictionary with ``pred_keypoints_3d`` (70,
+3) metres in camera axes, ``pred_keypoints_2d`` (70, 2) pixels, ``bbox`` x0, y0, x1, y1 in pixels,
+and more. A file is a JSON, .npy or .pkl list with one entry per frame, each a list of people, one
+person, or {``frame``: number, ``people``: list of people}.
+
+SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user.
+
+Accepted: the files of `sam3d_files`, in which the performer is found by ``bbox``; or an npz with
+``pred_keypoints_3d`` (T, 70, 3) of one person and, optionally, ``frames`` (T,). All 70 points are
+read; those that are joints of SMPL (`SMPL_POINTS`) are used by the fits. Mesh, camera, and MHR's
+parameters of pose, shape and hands are of MHR's own body and not used: the joints' distances tell
+the size, and ``pred_keypoints_2d`` are keypoints with feet and hands (`detectors.sam3d_body`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
+from imocap_core.io.readers.estimates import (
+    PerformerBoxes,
+    PersonInFrame,
+    box_middles,
+    field,
+    frame_entries,
+    from_vectors,
+    is_empty,
+    of_performer,
+    read_saved,
+)
+from imocap_core.io.readers.people import frame_number, type_name
+
+
+@dataclass(frozen=True)
+class JointsEstimate:
+    """Joints in metres, camera axes, root-relative or not; NaN where missing."""
+
+    joints: Float[np.ndarray, "T J 3"]
+    joint_names: tuple[str, ...]
+
+
+def read_joints_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> JointsEstimate:
+    """The estimate at the used source frames.
+
+    The file has ``joints`` (N, J, 3), ``joint_names`` (J,) and, optionally, ``frames`` (N,);
+    see `rows_for_frames` for files without. ValueError names file, array, expected and got.
+    """
+    arrays = load_arrays(path)
+    joints = numbers(arrays, "joints", ("T", "J", 3), path)
+    joint_names = names(arrays, "joint_names", joints.shape[1], path)
+    rows = rows_for_frames(arrays, len(joints), used_frames, path)
+    return JointsEstimate(joints[rows], joint_names)
+
+
+MM = 1000.0  # a metre
+
+
+def read_metrabs(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    """The performer's joints at the used frames, metres, camera axes, NaN where missing.
+
+    ValueError names file, frame, field, expected and got.
+    """
+    estimates: list[PersonInFrame] = []
+    for frame, entry in enumerate(frame_entries(read_saved(path), path)):
+        where = f"{path}: [{frame}]"
+        if isinstance(entry, dict) and is_empty(entry.get("poses3d")):
+            continue
+        poses = field(entry, "poses3d", ("people", "joints", 3), where)
+        if poses.shape[1] != len(SMPL_JOINTS):
+            raise ValueError(
+                f"{where}: poses3d: expected the 24 joints of skeleton='smpl_24', got {poses.shape}"
+            )
+        middle = box_middles(entry.get("boxes"), len(poses), where)
+        estimates += [PersonInFrame(frame, m, p) for m, p in zip(middle, poses / MM, strict=True)]
+    return JointsEstimate(of_performer(estimates, performer, path), SMPL_JOINTS)
+
+
+SMPL, BODY = 72, 66  # numbers of SMPL's 24 joints, and of the 22 that SMPL-X shares with it
+
+
+def read_nlf(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
+
+    ValueError names file, picture, field, expected and got.
+    """
+    content = read_saved(path)
+    batches = [content] if isinstance(content, dict) else frame_entries(content, path)
+    estimates: list[PersonInFrame] = []
+    frame = 0
+    for n, batch in enumerate(batches):
+        poses, boxes = (_pictures(batch, name, f"{path}: [{n}]") for name in ("pose", "boxes"))
+        if len(poses) != len(boxes):
+            raise ValueError(
+                f"{path}: [{n}]: expected as many pose and boxes, got {len(poses)} and {len(boxes)}"
+            )
+        for pose, box in zip(poses, boxes, strict=True):
+            estimates += _people(pose, box, frame, f"{path}: [{n}]: picture {frame}")
+            frame += 1
+    return from_vectors(of_performer(estimates, performer, path))
+
+
+def _pictures(batch: Any, name: str, where: str) -> list[Any]:
+    """One entry a picture."""
+    pictures = batch.get(name) if isinstance(batch, dict) else None
+    if isinstance(pictures, np.ndarray) and pictures.ndim:
+        pictures = list(pictures)
+    if not isinstance(pictures, list):
+        raise ValueError(f"{where}: {name}: expected a list of pictures, got {type_name(pictures)}")
+    return pictures
+
+
+def _people(pose: Any, box: Any, frame: int, where: str) -> list[PersonInFrame]:
+    if is_empty(pose):
+        return []
+    poses = field({"pose": pose}, "pose", ("people", "numbers"), where)
+    if poses.shape[1] < SMPL:
+        raise ValueError(
+            f"{where}: pose: expected {SMPL} numbers or more of each person, got {poses.shape}"
+        )
+    used = poses[:, : SMPL if poses.shape[1] == SMPL else BODY]
+    vectors = np.pad(used, ((0, 0), (0, SMPL - used.shape[1])))
+    middle = box_middles(box, len(poses), where)
+    return [PersonInFrame(frame, m, v) for m, v in zip(middle, vectors, strict=True)]
+
+
+POINTS_3D, POINTS_2D = "pred_keypoints_3d", "pred_keypoints_2d"
+
+
+def _hand(side: str) -> tuple[str, ...]:
+    """MHR's 20 points of a hand, tips first, under SMPL+H's names, and the wrist."""
+    fingers = ("thumb", "index", "middle", "ring", "pinky")
+    points = [f"{side}_{f}{n}" for f in fingers for n in ("_tip", 3, 2, 1)]
+    return (*points, f"{side}_wrist")
+
+
+# MHR's 70 keypoints in their order, named as in this project where it has them.
+NAMES: tuple[str, ...] = (
+    *("nose", "left_eye", "right_eye", "left_ear", "right_ear"),
+    *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hip", "right_hip"),
+    *("left_knee", "right_knee", "left_ankle", "right_ankle"),
+    *("left_big_toe", "left_small_toe", "left_heel"),
+    *("right_big_toe", "right_small_toe", "right_heel"),
+    *_hand("right"),
+    *_hand("left"),
+    *("left_olecranon", "right_olecranon", "left_cubital_fossa", "right_cubital_fossa"),
+    *("left_acromion", "right_acromion", "neck"),
+)
+
+
+def saved_people(path: Path) -> Iterator[tuple[int, list[tuple[dict[str, Any], str]]]]:
+    """Per frame its number, and its people with their places in the file.
+
+    ValueError names file, frame, expected and got.
+    """
+    for n, entry in enumerate(frame_entries(read_saved(path), path)):
+        where, frame, people = f"{path}: [{n}]", n, entry
+        if isinstance(entry, dict) and not {POINTS_3D, POINTS_2D} & set(entry):
+            frame = frame_number(entry.get("frame", n), f"{where}: frame")
+            people = entry.get("people")
+        elif isinstance(entry, dict):
+            people = [entry]
+        if isinstance(people, np.ndarray) and people.ndim:
+            people = list(people)
+        if not isinstance(people, list) or not all(isinstance(p, dict) for p in people):
+            got = type_name(people)
+            raise ValueError(f"{where}: expected a list of people with {POINTS_3D}, got {got}")
+        yield frame, [(person, f"{where}[{i}]") for i, person in enumerate(people)]
+
+
+def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    """The performer's 70 points at the used frames, metres, camera axes, NaN where missing.
+
+    ValueError names file, frame, field, expected and got.
+    """
+    if path.suffix == ".npz":
+        arrays = load_arrays(path)
+        table = numbers(arrays, POINTS_3D, ("T", len(NAMES), 3), path)
+        rows = rows_for_frames(arrays, len(table), performer.frames, path)
+        return JointsEstimate(table[rows], NAMES)
+    estimates = []
+    for frame, people in saved_people(path):
+        for person, where in people:
+            box = np.full(4, np.nan)
+            if person.get("bbox") is not None:
+                box = field(person, "bbox", (4,), where)
+            points = field(person, POINTS_3D, (len(NAMES), 3), where)
+            estimates.append(PersonInFrame(frame, 0.5 * (box[:2] + box[2:]), points))
+    return JointsEstimate(of_performer(estimates, performer, path), NAMES)

@@ -1,0 +1,424 @@
+"""The readers of 2D keypoints by name; format and layout recognised from the files.
+
+Format and layout of one file with the keypoints of a whole clip.
+
+Format and layout of keypoint files, recognised from their content.
+
+The readers of 2D keypoints, by the name that action.yaml gives their format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.io.array_files import is_hdf5, read_object
+from imocap_core.io.npz import array_names, load_arrays
+from imocap_core.io.readers.coco import (
+    PERSON_FIELDS,
+    is_person,
+    people_of,
+    points_in,
+    read_alphapose,
+    read_coco,
+    read_mmpose,
+    read_ultralytics,
+    rows_of,
+)
+from imocap_core.io.readers.deeplabcut import (
+    FRAME,
+    body_parts,
+    h5_nodes,
+    nodes,
+    read_csv,
+    read_deeplabcut,
+    read_sleap,
+)
+from imocap_core.io.readers.keypoint_arrays import LAYOUT as SAM3D_LAYOUT
+from imocap_core.io.readers.keypoint_arrays import (
+    WITH_HANDS,
+    is_sam3d,
+    read_cpn_npz,
+    read_keypoints_npz,
+    read_sam3d_keypoints,
+)
+from imocap_core.io.readers.mediapipe import (
+    PICTURE,
+    WORLD,
+    is_long,
+    landmark_columns,
+    read_mediapipe,
+)
+from imocap_core.io.readers.openpose import read_easymocap, read_openpose
+from imocap_core.io.readers.people import (
+    LAYOUT_OF_COUNT,
+    DetectedPeople,
+    best_layout,
+    cleaned,
+    frame_files,
+    read_json,
+)
+
+PEOPLE_LOOKED_AT = 60
+_LAYOUT_NAMES = {"coco": "coco17", "h36m": "h36m17"}  # in VideoPose3D's metadata
+
+Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
+Guess = tuple[str | None, str | None, list[Person]]
+
+
+def guess_file(path: Path) -> Guess:
+    """(format, layout, people): layout None where only the number of points tells it; people: some
+    who have a detected point. ValueError when the file cannot be read or used."""
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return _guess_npz(path)
+    if suffix == ".npy":
+        return _guess_npy(path)
+    if suffix == ".csv":
+        return _guess_csv(path)
+    if is_hdf5(path):
+        return _guess_h5(path)
+    if suffix == ".json":
+        return _guess_json(path)
+    return None, None, []
+
+
+def _guess_json(path: Path) -> Guess:
+    content = read_json(path)
+    if isinstance(content, dict) and "people" in content:
+        raise ValueError(
+            f"{path}: is one frame of OpenPose's output; name the folder with all frames"
+        )
+    if isinstance(content, dict) and "instance_info" in content:
+        return "mmpose", None, list(_mmpose(content["instance_info"]))
+    if isinstance(content, dict) and (people := _by_picture(content)):
+        return "alphapose", None, people
+    listed = content
+    if isinstance(content, dict):
+        listed = content.get("frames", content.get("annotations"))
+    first = next((e for e in listed if isinstance(e, dict)), {}) if isinstance(listed, list) else {}
+    if isinstance(listed, list) and (kind := _of_lists(listed)):
+        return kind
+    if is_sam3d(listed):
+        return "sam3d_body", SAM3D_LAYOUT, []
+    if "image_id" in first:
+        alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
+        layout = "wholebody133" if "foot_kpts" in first else None
+        return "alphapose" if alphapose else "coco", layout, list(_coco(listed))
+    if "instances" in first:
+        return "mmpose", None, list(_mmpose(listed))
+    if any(name in first for name in (*PICTURE, *WORLD)):
+        return "mediapipe", "mediapipe33", []
+    return None, None, []
+
+
+def guess_frames(path: Path, contents: Sequence[Any]) -> Guess:
+    """The same of some of the JSON files of a folder, one a frame."""
+    if all(isinstance(c, dict) and isinstance(c.get("annots"), list) for c in contents):
+        people = [q for c in contents for q in _listed(c["annots"], "keypoints")]
+        return "easymocap", None, people
+    if all(isinstance(c, dict) and isinstance(c.get("bodies"), list) for c in contents):
+        return "alphapose", None, [q for c in contents for q in _listed(c["bodies"], "joints")]
+    if all(isinstance(c, list) for c in contents) and (kind := _of_lists(contents)):
+        if kind[0] == "mmpose":
+            return kind
+        raise ValueError(f"{path}: put the frames' lists into one JSON list, in their order")
+    return None, None, []
+
+
+def guess_labels(files: Sequence[Path]) -> Guess:
+    """The same of some of Ultralytics' label files."""
+    for row, _ in (row for file in files for row in rows_of(file)):
+        for count in (17, 26, 133):
+            person = points_in(row, count)
+            if person is not None:
+                return "ultralytics", None, [person]
+    return None, None, []
+
+
+def _of_lists(frames: Sequence[Any]) -> Guess | None:
+    """Of frames that are lists of people: MMPose's or Ultralytics' results as they are."""
+    entries = [people_of(entry) for entry in frames[:PEOPLE_LOOKED_AT]]
+    people = [person for entry in entries if isinstance(entry, list) for person in entry]
+    if any(is_person(person) for person in people):
+        tables = [p["keypoints"] for p in people if is_person(p)]
+        lengths = {len(t["x"]) for t in tables if isinstance(t["x"], list)}
+        return "ultralytics", None, [np.ones((n, 3)) for n in lengths]
+    if any(isinstance(p, dict) and "keypoint_scores" in p for p in people):
+        return "mmpose", None, list(_mmpose([{"instances": people}]))
+    return None
+
+
+def _by_picture(content: dict[str, Any]) -> list[Person]:
+    """People of AlphaPose's forms by picture name; none where it is another file."""
+    of_frames = [c for c in list(content.values())[:PEOPLE_LOOKED_AT] if isinstance(c, dict)]
+    return [
+        person
+        for frame in of_frames
+        for name, field in PERSON_FIELDS.items()
+        for person in _listed(frame.get(name), field)
+    ]
+
+
+def _listed(people: Any, field: str) -> Iterator[Person]:
+    for person in people if isinstance(people, list) else []:
+        values = person.get(field) if isinstance(person, dict) else None
+        if isinstance(values, list) and values:
+            yield from _detected(values)
+
+
+def _coco(entries: list[Any]) -> Iterator[Person]:
+    for entry in entries[:PEOPLE_LOOKED_AT]:
+        values = entry.get("keypoints") if isinstance(entry, dict) else None
+        if isinstance(values, list) and values and len(values) % 3 == 0:
+            yield from _detected(values)
+
+
+def _mmpose(entries: Any) -> Iterator[Person]:
+    for entry in entries[:PEOPLE_LOOKED_AT] if isinstance(entries, list) else []:
+        people = entry.get("instances") if isinstance(entry, dict) else None
+        for person in people if isinstance(people, list) else []:
+            xy = person.get("keypoints") if isinstance(person, dict) else None
+            if isinstance(xy, list) and all(isinstance(p, list) and len(p) >= 2 for p in xy):
+                yield from _detected([[*p[:2], 1.0] for p in xy])
+
+
+def _detected(values: list[Any]) -> Iterator[Person]:
+    """The person as floats, if the entries are numbers and a point was detected."""
+    try:
+        body = np.array(values, dtype=np.float64).reshape(-1, 3)
+    except (TypeError, ValueError):
+        return
+    if body.size and (body[:, 2] > 0).any():
+        yield body
+
+
+def _guess_npz(path: Path) -> Guess:
+    names = array_names(path)
+    if "positions_2d" in names:
+        metadata = read_object(path, "metadata") if "metadata" in names else {}
+        layout = metadata.get("layout_name") if isinstance(metadata, dict) else None
+        return "cpn_npz", _LAYOUT_NAMES.get(str(layout)), []
+    if "keypoints" in names:
+        table = load_arrays(path)["keypoints"]
+        count = table.shape[-2] if table.ndim in (3, 4) else 0
+        return "npz", None, [np.ones((count, 3))] if count else []
+    if names & {*PICTURE, *WORLD}:
+        return "mediapipe", "mediapipe33", []
+    return None, None, []
+
+
+def _guess_npy(path: Path) -> Guess:
+    table = load_arrays(path)["keypoints"]
+    if table.ndim not in (3, 4):
+        return None, None, []
+    count = table.shape[-2]
+    if count not in LAYOUT_OF_COUNT and count >= WITH_HANDS:
+        return "npz", "mediapipe33", []
+    return "npz", None, [np.ones((count, 3))]
+
+
+def _guess_csv(path: Path) -> Guess:
+    heading = read_csv(path)[0]
+    if heading[0].strip().lower() == "scorer":
+        return "deeplabcut", best_layout(body_parts(path)), []
+    if FRAME in heading and any(cell.endswith(".x") for cell in heading):
+        return "sleap", best_layout(nodes(path)), []
+    if is_long(heading) or landmark_columns(heading) is not None:
+        return "mediapipe", "mediapipe33", []
+    return None, None, []
+
+
+def _guess_h5(path: Path) -> Guess:
+    names = h5_nodes(path)
+    if names is not None:
+        return "sleap", best_layout(names), []
+    return "deeplabcut", best_layout(body_parts(path)), []
+
+
+FILES_LOOKED_AT = 60
+TELL = "say which with `format` and `layout` in action.yaml (imocap sync: --format and --layout)"
+MIN_MISFIT_RATIO = 2.0  # of the second best layout to the best, to accept the best
+COUNTS = {
+    17: ("coco17",),
+    18: ("coco18",),
+    25: ("body25", "body25b"),
+    26: ("halpe26",),
+    33: ("mediapipe33",),
+    133: ("wholebody133",),
+    136: ("halpe136",),
+}
+# Points that lie (nearly) in the middle of two others, in each layout of 25 points.
+MIDDLES: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "body25": (("neck", "left_shoulder", "right_shoulder"), ("mid_hip", "left_hip", "right_hip")),
+    "body25b": (
+        ("upper_neck", "left_shoulder", "right_shoulder"),
+        ("nose", "left_eye", "right_eye"),
+    ),
+}
+
+
+def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str]:
+    """(format, layout) of a folder or file of keypoints.
+
+    layout: given by the user; then only the format is recognised.
+
+    Raises:
+        ValueError: the format is unknown, or more than one layout fits; the message says which
+            options to give.
+    """
+    if path.is_dir():
+        kind, file_layout, people = _guess_folder(path)
+    else:
+        kind, file_layout, people = guess_file(path)
+    if kind is None:
+        raise ValueError(
+            f"{path}: the format is unknown: docs/formats.md lists those that are read; {TELL}, or "
+            f"save the points as an npz with keypoints (frames, people, points, 3)"
+        )
+    if not (layout or file_layout or people or path.is_dir()):
+        raise ValueError(
+            f"{path}: the format is {kind}, but the file does not tell the layout; {TELL}"
+        )
+    return kind, layout or file_layout or layout_of(path, people)
+
+
+def _guess_folder(path: Path) -> Guess:
+    files = frame_files(path)
+    labels = frame_files(path, ".txt")
+    if not files and labels:
+        return guess_labels(labels[:: max(1, len(labels) // FILES_LOOKED_AT)])
+    if not files:
+        raise ValueError(
+            f"{path}: expected a folder with one JSON file per frame, as OpenPose writes it, found "
+            "no .json file"
+        )
+    step = max(1, len(files) // FILES_LOOKED_AT)
+    contents = [read_json(file) for file in files[::step]]
+    if all(isinstance(c, dict) and isinstance(c.get("people"), list) for c in contents):
+        return "openpose", None, list(_people(contents))
+    guess = guess_frames(path, contents)
+    if guess[0] is None:
+        raise ValueError(
+            f"{path}: expected OpenPose's JSON (a list `people` in every file), got something "
+            f"else; {TELL}"
+        )
+    return guess
+
+
+def layout_of(path: Path, people: Sequence[Person]) -> str:
+    """The layout of some people, by the number and the positions of their points.
+
+    ValueError when none fits, or several do.
+    """
+    counts = sorted({len(person) for person in people})
+    if not counts:
+        raise ValueError(
+            f"{path}: nobody was detected in the {FILES_LOOKED_AT} frames read, so the layout is "
+            f"unknown; {TELL}"
+        )
+    if len(counts) > 1 or counts[0] not in COUNTS:
+        expected = ", ".join(f"{n} ({' or '.join(ls)})" for n, ls in COUNTS.items())
+        raise ValueError(
+            f"{path}: expected {expected} points per person, got {', '.join(map(str, counts))}; "
+            f"keep one detector's output per folder; {TELL}"
+        )
+    fitting = COUNTS[counts[0]]
+    if len(fitting) == 1:
+        return fitting[0]
+    misfits = {name: _misfit(name, np.stack(people)) for name in fitting}
+    best, second = sorted(misfits, key=lambda name: misfits[name])
+    if not misfits[best] * MIN_MISFIT_RATIO < misfits[second]:
+        raise ValueError(
+            f"{path}: 25 points per person are BODY_25 or BODY_25B, and the detections fit both "
+            f"about equally; {TELL}"
+        )
+    return best
+
+
+def _misfit(layout: str, people: Float[np.ndarray, "P K 3"]) -> float:
+    """Median distance of the layout's middle points from the middle of their neighbours, as a share
+    of the person's size; infinite when they were never detected together."""
+    names = layout_names(layout)
+    xy = cleaned(people)[..., :2]
+    low, high = np.nanmin(xy, axis=1), np.nanmax(xy, axis=1)
+    size = np.linalg.norm(high - low, axis=-1)
+    far = []
+    for point, a, b in MIDDLES[layout]:
+        middle, left, right = (xy[:, names.index(name)] for name in (point, a, b))
+        far.append(np.linalg.norm(middle - (left + right) / 2, axis=-1) / np.maximum(size, 1e-9))
+    distances = np.concatenate(far)
+    distances = distances[np.isfinite(distances)]
+    return float(np.median(distances)) if len(distances) else float("inf")
+
+
+def _people(contents: Sequence[Any]) -> Iterator[Person]:
+    """Each person of some OpenPose files who has a detected point."""
+    for content in contents:
+        for person in content["people"]:
+            values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
+            if isinstance(values, list) and values and len(values) % 3 == 0:
+                try:
+                    body = np.array(values, dtype=np.float64).reshape(-1, 3)
+                except (TypeError, ValueError):
+                    continue
+                if (body[:, 2] > 0).any():
+                    yield body
+
+
+READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
+    "openpose": read_openpose,
+    "alphapose": read_alphapose,
+    "mmpose": read_mmpose,
+    "coco": read_coco,
+    "easymocap": read_easymocap,
+    "ultralytics": read_ultralytics,
+    "npz": read_keypoints_npz,
+    "deeplabcut": read_deeplabcut,
+    "sleap": read_sleap,
+    "sam3d_body": read_sam3d_keypoints,
+}
+# Layouts whose files may have any form: RTMLib and others write OpenPose's JSON, COCO's results
+# or npz.
+ANY_FILE = {"halpe26": "halpe26", "wholebody": "wholebody133"}
+FORMATS = (*READERS, "mediapipe", "cpn_npz", *ANY_FILE)
+
+
+def format_and_layout(path: Path, kind: str | None, layout: str | None) -> tuple[str, str]:
+    """(format, layout); what is not given is recognised from the files. ValueError when it cannot
+    be."""
+    if kind in ANY_FILE:
+        layout, kind = layout or ANY_FILE[kind], None
+    if kind == "sam3d_body":  # of any file's kind, pickles too
+        layout = layout or SAM3D_LAYOUT
+    if kind is not None and layout is not None:
+        return kind, layout
+    guessed_kind, guessed_layout = guess_detections(path, layout=layout)
+    return kind or guessed_kind, guessed_layout
+
+
+def read_detections(
+    path: Path, kind: str, layout: str, *, size: tuple[int, int], names: Sequence[str]
+) -> DetectedPeople:
+    """All people of all frames.
+
+    Args:
+        kind, layout: as `format_and_layout` returns them.
+        size: width and height of the picture, for keypoints in shares of them.
+        names: the video's id and file name, for files with several clips.
+
+    Raises:
+        ValueError: file, field, expected, got, what to do.
+    """
+    if kind == "mediapipe":
+        return read_mediapipe(path, layout, size)
+    if kind == "cpn_npz":
+        return read_cpn_npz(path, layout, names)
+    if kind not in READERS:
+        raise ValueError(f"{path}: format: expected one of {', '.join(FORMATS)}, got {kind!r}")
+    return READERS[kind](path, layout)

@@ -1,0 +1,351 @@
+"""MediaPipe: 33 landmarks as JSON, npz or CSV, and Holistic's hands.
+
+MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz.
+
+MediaPipe returns landmarks and leaves saving to its user. Accepted: a JSON list (or ``frames``:
+list) with one entry per frame, in the names of its results: ``pose_landmarks`` (or ``landmarks``,
+``poseLandmarks``) and ``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a
+list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
+return); ``frame`` is the frame number, without which frames count from 0. Or an npz with arrays
+of these names (T, 33, 3 to 5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and,
+optionally, ``frames`` (T,). Or a CSV of the picture's landmarks (`mediapipe_csv`).
+
+As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
+taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
+away from the camera. z of picture landmarks and presence are not used.
+
+MediaPipe's landmarks in a CSV, as its users save them: one row a frame, or one a landmark.
+
+Columns of one row a frame: ``x0, y0, z0, v0, ...`` (from 0 or 1), ``landmark_0_x``, or names as
+``left_knee_x``, ``LEFT_KNEE_Y``. Of one row a landmark: a frame, a landmark's number or name, x,
+y, and possibly z and visibility. A column with the frame's number is used where there is one.
+
+MediaPipe Holistic's hands in an npz: `left_hand_landmarks`, `right_hand_landmarks`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.io.npz import array_names, load_arrays, numbers
+from imocap_core.io.readers.deeplabcut import read_csv
+from imocap_core.io.readers.estimates import Entries, PerformerBoxes, performer_rows, select_rows
+from imocap_core.io.readers.joint_estimators import JointsEstimate
+from imocap_core.io.readers.people import (
+    LARGEST,
+    DetectedPeople,
+    cleaned,
+    detections,
+    frame_number,
+    plain_name,
+    read_json,
+    short,
+    type_name,
+)
+
+Landmarks = Float[np.ndarray, "33 4"]  # x, y, z, visibility
+
+LAYOUT, HEAVY_LAYOUT = "mediapipe33", "blazepose33"  # the same points, marked at other places
+PICTURE = ("pose_landmarks", "landmarks", "poseLandmarks")
+WORLD = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
+ONLY_WORLD = (
+    "has MediaPipe's world landmarks, in metres, and no places in the picture: save pose_landmarks "
+    "beside them (the same file may then be `initial`, with initial_format: mediapipe_world)"
+)
+POINTS = 33
+NORMALISED = 3.0  # shares of the picture stay below this, even for people half outside it
+
+
+def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> DetectedPeople:
+    """All people of all frames, pixels of a picture of `size` (width, height).
+
+    ValueError names file, field, expected and got.
+    """
+    if layout not in (LAYOUT, HEAVY_LAYOUT):
+        raise ValueError(
+            f"{path}: layout: expected {LAYOUT}, or {HEAVY_LAYOUT} of BlazePose heavy, got "
+            f"{layout!r}; correct `layout` in action.yaml"
+        )
+    people = {
+        frame: [cleaned(person[:, [0, 1, 3]]) for person in in_frame]
+        for frame, in_frame in _in_pixels(path, size).items()
+    }
+    return detections(people, layout, path)
+
+
+def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    """World landmarks at the used frames as 3D joints, metres in camera axes.
+
+    Frames without them are NaN; of several people the performer is found by the picture landmarks.
+    ValueError names file, field, expected and got, or says that no used frame has a person.
+    """
+    people = dict(_frames(path, WORLD))
+    persons = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
+    if not persons:
+        raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
+    places = None
+    if any(len(in_frame) > 1 for in_frame in people.values()):
+        pixels = _in_pixels(path, performer.size)
+        if all(len(pixels.get(frame, ())) == len(ps) for frame, ps in people.items()):
+            places = np.array(
+                [np.nanmean(pixels[frame][n][:, :2], axis=0) for frame, n, _ in persons]
+            )
+    frames, track = (np.array([entry[i] for entry in persons]) for i in (0, 1))
+    rows = performer_rows(Entries(frames, track, places), performer, path)
+    joints = select_rows(np.stack([person[:, :3] for _, _, person in persons]), rows)
+    return JointsEstimate(joints, layout_names(LAYOUT))
+
+
+def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Landmarks]]:
+    """Frame -> people, x and y in pixels of a picture of `size`."""
+    people = dict(_frames(path, PICTURE))
+    every = [person[:, :2] for in_frame in people.values() for person in in_frame]
+    sizes = np.abs(np.concatenate(every)) if every else np.zeros((0, 2))
+    sizes = sizes[np.isfinite(sizes)]
+    if len(sizes) and np.median(sizes) < NORMALISED:
+        for in_frame in people.values():
+            for person in in_frame:
+                person[:, :2] = np.where(np.abs(person[:, :2]) < LARGEST, person[:, :2], np.nan)
+                person[:, :2] *= size
+    return people
+
+
+def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
+    """(frame number, people)."""
+    if path.suffix == ".npz":
+        yield from _frames_of_npz(path, names)
+        return
+    if path.suffix.lower() == ".csv":
+        if names is WORLD:
+            raise ValueError(f"{path}: expected JSON or npz with {WORLD[0]}, got a CSV")
+        for number, landmarks in landmarks_of_csv(path).items():
+            yield number, [landmarks] if np.isfinite(landmarks[:, :2]).any() else []
+        return
+    content = read_json(path)
+    listed = content.get("frames") if isinstance(content, dict) else content
+    if not isinstance(listed, list) or not listed:
+        got = "an empty list" if listed == [] else type_name(listed)
+        raise ValueError(f"{path}: frames: expected a list with one entry per frame, got {got}")
+    for i, entry in enumerate(listed):
+        where = f"{path}: [{i}]"
+        if entry is None:
+            continue
+        if not isinstance(entry, dict):
+            raise ValueError(f"{where}: expected one frame's fields, got {type_name(entry)}")
+        number = next((entry[n] for n in ("frame", "frame_id", "frame_index") if n in entry), i)
+        name = next((n for n in names if n in entry), None)
+        if name is None and names is PICTURE and set(WORLD) & set(entry):
+            raise ValueError(f"{where}: {ONLY_WORLD}")
+        if name is None:
+            have = ", ".join(map(str, entry)) or "nothing"
+            raise ValueError(f"{where}: expected {names[0]}, it is missing; has: {have:.60}")
+        yield frame_number(number, where), list(_people(entry[name], f"{where}.{name}"))
+
+
+def _people(listed: Any, where: str) -> Iterator[Landmarks]:
+    if listed is None or listed == []:
+        return
+    if isinstance(listed, dict):  # protobuf's JSON
+        listed = listed.get("landmark")
+    if not isinstance(listed, list):
+        raise ValueError(f"{where}: expected a list of {POINTS} landmarks, got {type_name(listed)}")
+    if listed and all(isinstance(item, list) and len(item) == POINTS for item in listed):
+        for n, person in enumerate(listed):
+            yield _person(person, f"{where}[{n}]")
+    else:
+        yield _person(listed, where)
+
+
+def _person(landmarks: list[Any], where: str) -> Landmarks:
+    if len(landmarks) != POINTS:
+        raise ValueError(f"{where}: expected {POINTS} landmarks, got {len(landmarks)}")
+    rows = [
+        [p.get("x"), p.get("y"), p.get("z", 0.0), p.get("visibility", 1.0)]
+        if isinstance(p, dict)
+        else ([*p[:3], p[3] if len(p) > 3 else 1.0] if isinstance(p, list) else p)
+        for p in landmarks
+    ]
+    try:
+        table = np.array(rows, dtype=np.float64)
+        return table.reshape(POINTS, 4)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{where}: expected x, y, z, visibility of {POINTS} landmarks, got {short(rows[0])}"
+        ) from None
+
+
+def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
+    arrays = load_arrays(path)
+    name = next((n for n in names if n in arrays), names[0])
+    if names is PICTURE and name not in arrays and set(WORLD) & set(arrays):
+        raise ValueError(f"{path}: {ONLY_WORLD}")
+    several = name in arrays and arrays[name].ndim == 4
+    dims = ("T", "P", POINTS, "3 to 5") if several else ("T", POINTS, "3 to 5")
+    table = numbers(arrays, name, dims, path)
+    if not 3 <= table.shape[-1] <= 5:
+        raise ValueError(f"{path}: {name}: expected 3 to 5 numbers, got {table.shape[-1]}")
+    if table.shape[-1] == 3:
+        table = np.concatenate([table, np.ones((*table.shape[:-1], 1))], axis=-1)
+    table = table if several else table[:, None]
+    rows = np.arange(len(table))
+    frames = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
+    for frame, people in zip(frames, table, strict=True):
+        present = np.isfinite(people).any(axis=(1, 2))
+        yield int(frame), [person[:, :4].copy() for person in people[present]]
+
+
+FRAME = ("frame", "frame_id", "frame_index", "frame_idx", "frame_number", "frame_num", "frame_no")
+LANDMARK = ("landmark", "landmark_id", "landmark_index", "landmark_idx", "landmark_name", "id",
+            "index", "idx", "point", "joint", "name", "keypoint")  # fmt: skip
+AXES = {"x": 0, "y": 1, "z": 2, "v": 3, "vis": 3, "visibility": 3, "score": 3, "confidence": 3}
+_AXIS = "|".join(sorted(AXES, key=len, reverse=True))
+_AXIS_FIRST = re.compile(rf"({_AXIS})[_ .]?(\d+)")
+_AXIS_LAST = re.compile(rf"(.*?)[_ .]({_AXIS})")
+
+
+def landmark_columns(heading: Sequence[str]) -> dict[tuple[int, int], int] | None:
+    """(landmark, axis) -> column, of a heading with one row a frame; None for another heading."""
+    matches: list[tuple[str, int, int]] = []
+    for column, cell in enumerate(heading):
+        cell = cell.strip().lower()
+        if match := _AXIS_FIRST.fullmatch(cell):
+            matches.append((match[2], AXES[match[1]], column))
+        elif match := _AXIS_LAST.fullmatch(cell):
+            matches.append((match[1], AXES[match[2]], column))
+    places = _landmarks([name for name, _, _ in matches])
+    columns = {(places[n], axis): column for n, axis, column in matches if n in places}
+    both = [k for k in range(POINTS) if (k, 0) in columns and (k, 1) in columns]
+    return columns if len(both) >= POINTS // 2 else None
+
+
+def is_long(heading: Sequence[str]) -> bool:
+    """Whether a heading is that of one row a landmark."""
+    cells = {cell.strip().lower() for cell in heading}
+    return {"x", "y"} <= cells and bool(cells & set(LANDMARK)) and bool(cells & set(FRAME))
+
+
+def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
+    """Frame -> x, y, z, visibility. ValueError names file, row, expected and got."""
+    rows = read_csv(path)
+    heading = [cell.strip().lower() for cell in rows[0]]
+    if is_long(heading):
+        return _long(rows, heading, path)
+    columns = landmark_columns(heading)
+    if columns is None:
+        raise ValueError(
+            f"{path}: expected columns x, y and visibility of MediaPipe's {POINTS} landmarks, got "
+            f"{', '.join(heading):.80}"
+        )
+    frame = next((heading.index(name) for name in FRAME if name in heading), None)
+    frames = {}
+    for n, row in enumerate(rows[1:]):
+        where = f"{path}: row {n + 2}"
+        _must_be_whole(row, heading, where)
+        number = n if frame is None else frame_number(_number(row[frame], where), where)
+        frames[number] = _empty()
+        for (landmark, axis), column in columns.items():
+            frames[number][landmark, axis] = _number(row[column], where)
+    return frames
+
+
+def _long(
+    rows: list[list[str]], heading: list[str], path: Path
+) -> dict[int, Float[np.ndarray, "33 4"]]:
+    position = {name: heading.index(name) for name in heading}
+    frame, landmark = (
+        next(position[n] for n in names if n in position) for names in (FRAME, LANDMARK)
+    )
+    places = _landmarks(
+        list(dict.fromkeys(row[landmark] for row in rows[1:] if len(row) > landmark))
+    )
+    axes = [(axis, position[name]) for name, axis in AXES.items() if name in position]
+    frames: dict[int, Float[np.ndarray, "33 4"]] = {}
+    for n, row in enumerate(rows[1:], start=2):
+        where = f"{path}: row {n}"
+        _must_be_whole(row, heading, where)
+        number = frame_number(_number(row[frame], where), where)
+        table = frames.setdefault(number, _empty())
+        if row[landmark] in places:
+            for axis, column in axes:
+                table[places[row[landmark]], axis] = _number(row[column], where)
+    return frames
+
+
+def _landmarks(names: Sequence[str]) -> Mapping[str, int]:
+    """Landmark of each name: a number, from 0 or 1, or a part of the body."""
+    digits = {n: re.findall(r"\d+", n)[-1] for n in names if re.search(r"\d+$", n.strip())}
+    numbers = {name: int(d) for name, d in digits.items() if len(d) < 3}
+    if len(set(numbers.values())) >= POINTS // 2:
+        first = 1 if min(numbers.values()) >= 1 and POINTS in numbers.values() else 0
+        return {name: n - first for name, n in numbers.items() if 0 <= n - first < POINTS}
+    places = {plain_name(name): k for k, name in enumerate(layout_names("mediapipe33"))}
+    return {name: places[plain_name(name)] for name in names if plain_name(name) in places}
+
+
+def _empty() -> Float[np.ndarray, "33 4"]:
+    table = np.full((len(layout_names("mediapipe33")), 4), np.nan)
+    table[:, 2:] = 0.0, 1.0
+    return table
+
+
+def _must_be_whole(row: list[str], heading: list[str], where: str) -> None:
+    if len(row) != len(heading):
+        raise ValueError(
+            f"{where}: expected {len(heading)} cells, got {len(row)}; the file is cut off?"
+        )
+
+
+def _number(cell: str, where: str) -> float:
+    try:
+        return float(cell) if cell.strip() else float("nan")
+    except ValueError:
+        raise ValueError(f"{where}: expected numbers only, got {cell!r:.40}") from None
+
+
+FIELDS = ("left_hand_landmarks", "right_hand_landmarks")
+HAND_POINTS = 21
+
+
+def read_mediapipe_hands(
+    path: Path, frames: Int[np.ndarray, " T"], size: tuple[int, int]
+) -> tuple[Float[np.ndarray, "T 2 21 2"], Float[np.ndarray, "T 2 21"]] | None:
+    """The hands of the one person that MediaPipe tracks.
+
+    Args:
+        path: the file that `read_mediapipe` read; only an npz has hands: arrays (N, 21, 3), x and
+            y as shares of the picture, beside `frames` (N,).
+        frames: the used source frame numbers.
+        size: width and height of the picture.
+
+    Returns:
+        Pixels and confidence, left hand first; NaN and 0 where a point is missing. MediaPipe gives
+        no confidence of a hand's points: 1 where there is one. None when the file has no hands.
+
+    Raises:
+        ValueError: file, field, expected, got.
+    """
+    if path.suffix != ".npz" or not set(FIELDS) & array_names(path):
+        return None
+    arrays = load_arrays(path)
+    xy_px = np.full((len(frames), 2, HAND_POINTS, 2), np.nan)
+    for side, name in enumerate(FIELDS):
+        if name not in arrays:
+            continue
+        table = numbers(arrays, name, ("T", HAND_POINTS, 3), path)
+        rows = np.arange(len(table))
+        listed = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
+        row_of = {int(frame): row for row, frame in enumerate(listed)}
+        for t, frame in enumerate(frames.tolist()):
+            if frame in row_of:
+                xy_px[t, side] = table[row_of[frame], :, :2] * size
+    visible = np.isfinite(xy_px).all(axis=-1)
+    if not visible.any():
+        return None
+    return np.where(visible[..., None], xy_px, np.nan), visible.astype(np.float64)

@@ -1,0 +1,276 @@
+"""Shared by the readers of 2D keypoints: files a frame, people, points by name, all checked.
+
+A folder with one file of keypoints a frame: which file is of which frame.
+
+Shared by the readers of 2D keypoints: JSON files, frame numbers, people, all checked.
+
+Points of a layout by the names that users give body parts: `LeftKnee` is left_knee.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.limits import LAST_FRAME, must_be_small_enough
+
+
+def frame_files(folder: Path, suffix: str = ".json") -> list[Path]:
+    """Its files in the order of their names, without hidden ones (macOS writes ``._NAME``)."""
+    return sorted(f for f in folder.glob(f"*{suffix}") if not f.name.startswith("."))
+
+
+def numbered_files(folder: Path, suffix: str = ".json", what: str = "OpenPose") -> dict[int, Path]:
+    """Frame number -> file; the number is the last one in the name. ValueError where a name has
+    none, a number has two files, or there is no file."""
+    files: dict[int, Path] = {}
+    for file in frame_files(folder, suffix):
+        numbers = re.findall(r"\d+", file.stem)
+        if not numbers:
+            raise ValueError(
+                f"{file}: expected a frame number in the file name, got none; "
+                f"name the files like clip_000000000012_keypoints{suffix}"
+            )
+        number = int(numbers[-1])
+        if number in files:
+            raise ValueError(
+                f"{folder}: frame {number} has two files, {files[number].name} and {file.name}; "
+                "keep one clip per folder"
+            )
+        files[number] = file
+    if not files:
+        raise ValueError(
+            f"{folder}: expected one {what} file per frame, found no {suffix} file; check "
+            f"`keypoints` in action.yaml"
+        )
+    return dict(sorted(files.items()))
+
+
+def numbered_contents(folder: Path, what: str) -> Iterator[tuple[int, Any, str]]:
+    """(frame number, content, file) of a folder of JSON files."""
+    for number, file in numbered_files(folder, what=what).items():
+        yield number, read_json(file), str(file)
+
+
+# Layout by number of points, in formats with one list of points per person.
+LAYOUT_OF_COUNT = {
+    17: "coco17",
+    18: "coco18",
+    25: "body25",
+    26: "halpe26",
+    33: "mediapipe33",
+    133: "wholebody133",
+    136: "halpe136",
+}
+
+LARGEST = 1e7  # pixels: no picture is larger, and squares do not overflow
+
+
+@dataclass(frozen=True)
+class DetectedPeople:
+    """All people of all frames: x, y (pixels) and confidence of the K points of each.
+
+    frames: increasing source frame numbers. people: one array per frame. A missing point is NaN
+    with confidence 0.
+    """
+
+    frames: Int[np.ndarray, " N"]
+    people: tuple[Float[np.ndarray, "_ K 3"], ...]
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file, in UTF-8 or 16, with or without a mark at its beginning.
+    ValueError when it is missing or not JSON."""
+    must_be_file(path)
+    must_be_small_enough(path)
+    try:
+        return json.loads(path.read_bytes(), parse_int=_integer)
+    except (ValueError, RecursionError) as error:  # ValueError: JSON's and UTF-8's
+        raise ValueError(f"{path}: is not JSON ({error}); run the detector again") from None
+
+
+def _integer(digits: str) -> int | float:
+    """A number without a point; infinite, and so missing, where no float is as large."""
+    return int(digits) if len(digits) < 300 else math.copysign(math.inf, -(digits[0] == "-"))
+
+
+def must_be_file(path: Path, field: str = "keypoints") -> None:
+    """ValueError unless the path is a file."""
+    if not path.is_file():
+        got = "a folder" if path.is_dir() else "no such file"
+        raise ValueError(f"{path}: expected a file, found {got}; correct `{field}` in action.yaml")
+
+
+def type_name(value: Any) -> str:
+    """Name of a value's type, for messages."""
+    return "nothing" if value is None else type(value).__name__
+
+
+def short(value: Any) -> str:
+    """The beginning of a value's representation, in one line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def frame_number(value: Any, where: str) -> int:
+    """A frame number, or the last number in a picture's name. ValueError when there is none."""
+    number = -1
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and value == value // 1:
+        number = int(value)
+    elif isinstance(value, str) and (digits := re.findall(r"\d+", Path(value).stem)):
+        number = int(digits[-1]) if len(digits[-1]) < 30 else -1
+    if not 0 <= number <= LAST_FRAME:
+        raise ValueError(
+            f"{where}: expected a frame number or a picture's name with one, got {short(value)}; "
+            "name the pictures by their frame numbers"
+        )
+    return number
+
+
+def flat_points(values: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
+    """Points of a list x, y, confidence, x, y, confidence, ... in the layout's order.
+
+    ValueError when the numbers do not fit the layout.
+    """
+    if not isinstance(values, list):
+        raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
+    return points(_numbers(values, where).reshape(-1, 1), layout, where, flat=True)
+
+
+def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Float[np.ndarray, "K 3"]:
+    """Points of a table (K, 3), cleaned (see `cleaned`); flat: the table is one column.
+
+    ValueError when the numbers do not fit the layout.
+    """
+    count = len(layout_names(layout))
+    table = _numbers(values, where)
+    if flat and table.size == 3 * count:
+        table = table.reshape(count, 3)
+    if table.shape != (count, 3):
+        fitting = LAYOUT_OF_COUNT.get(table.size // 3 if flat else len(table))
+        size = f"{table.size} numbers" if flat else f"{table.shape}"
+        expected = f"{3 * count} numbers" if flat else f"({count}, 3)"
+        advice = f"set layout: {fitting}" if fitting not in (None, layout) else "check `layout`"
+        raise ValueError(
+            f"{where}: expected {expected} (x, y, confidence of the {count} points of {layout}), "
+            f"got {size}; {advice} in action.yaml"
+        )
+    return cleaned(table)
+
+
+def cleaned(people: Shaped[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
+    """Points with missing ones as NaN with confidence 0, and confidences of at most 1.
+
+    Missing: not finite, beyond `LARGEST`, or of confidence 0 or less.
+    """
+    people = np.array(people, dtype=np.float64)
+    missing = ~(np.abs(people) < LARGEST).all(axis=-1) | ~(people[..., 2] > 0)
+    people[..., 2] = np.minimum(people[..., 2], 1.0)
+    people[missing] = (np.nan, np.nan, 0.0)
+    return people
+
+
+def _numbers(values: Any, where: str) -> Float[np.ndarray, "..."]:
+    """Numbers of any shape; JSON's null is NaN."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{where}: expected numbers only, got {short(values)}") from None
+
+
+def detections(
+    people: Mapping[int, Sequence[Float[np.ndarray, "K 3"]]], layout: str, path: Path
+) -> DetectedPeople:
+    """Detections of frame number -> people. ValueError when no frame has a person."""
+    if not any(len(in_frame) for in_frame in people.values()):
+        raise ValueError(f"{path}: expected at least one person, got none; check the detector")
+    nobody = np.zeros((0, len(layout_names(layout)), 3))
+    numbers = sorted(people)
+    return DetectedPeople(
+        np.array(numbers, dtype=np.int64),
+        tuple(np.stack(people[n]) if people.get(n) else nobody for n in numbers),
+    )
+
+
+def must_have_layout(layouts: Sequence[str], layout: str, what: str, path: Path) -> None:
+    """ValueError unless the layout is one that the format `what` has."""
+    if layout not in layouts:
+        raise ValueError(
+            f"{path}: layout: expected one that {what} has ({', '.join(layouts)}), got {layout!r}; "
+            "correct `layout` in action.yaml"
+        )
+
+
+LAYOUTS = ("coco17", "halpe26", "body25", "body25b", "coco18", "h36m17", "mediapipe33")
+MIN_MATCHED = 4  # names of a layout; with fewer the layout stays unknown
+_SIDES = {"l": "left", "lt": "left", "left": "left", "r": "right", "rt": "right", "right": "right"}
+_SAME = {
+    "bigtoe": "big_toe",
+    "smalltoe": "small_toe",
+    "littletoe": "small_toe",
+    "little_toe": "small_toe",
+    "toe": "big_toe",
+    "foot_index": "big_toe",
+    "headtop": "head_top",
+    "top_head": "head_top",
+    "top_of_head": "head_top",
+    "vertex": "head_top",
+    "midhip": "mid_hip",
+    "hip_middle": "mid_hip",
+    "pelvis": "mid_hip",
+}
+
+
+def plain_name(name: str) -> str:
+    """left_knee for LeftKnee, L-knee, knee_l, "Left Knee"; other names in snake case."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name).lower()
+    parts = [part for part in re.split(r"[^a-z0-9]+", words) if part]
+    parts = [piece for part in parts for piece in _split_side(part)]
+    sides = [_SIDES[part] for part in parts if part in _SIDES]
+    rest = "_".join(part for part in parts if part not in _SIDES)
+    rest = _SAME.get(rest, rest)
+    return f"{sides[0]}_{rest}" if len(sides) == 1 and rest else rest
+
+
+def _split_side(part: str) -> tuple[str, ...]:
+    """leftknee -> left, knee."""
+    for side in ("left", "right"):
+        if part.startswith(side) and part != side:
+            return side, part.removeprefix(side)
+    return (part,)
+
+
+def columns_of(names: Sequence[str], layout: str) -> dict[int, int]:
+    """Column of the layout -> index in `names`, for the names that the layout has."""
+    index_of: dict[str, int] = {}
+    for index, name in enumerate(names):
+        index_of.setdefault(plain_name(name), index)
+    points = [_SAME.get(name, name) for name in layout_names(layout)]
+    return {column: index_of[name] for column, name in enumerate(points) if name in index_of}
+
+
+def best_layout(names: Sequence[str]) -> str | None:
+    """The layout with the most matched names, the smallest of several; None if too few match."""
+    fitting = {layout: len(columns_of(names, layout)) for layout in LAYOUTS}
+    best = max(LAYOUTS, key=lambda layout: (fitting[layout], -len(layout_names(layout))))
+    return best if fitting[best] >= MIN_MATCHED else None
+
+
+def matched_columns(names: Sequence[str], layout: str, where: str) -> dict[int, int]:
+    """As `columns_of`; ValueError when fewer than `MIN_MATCHED` names match."""
+    columns = columns_of(names, layout)
+    if len(columns) < MIN_MATCHED:
+        raise ValueError(
+            f"{where}: expected at least {MIN_MATCHED} body parts named like {layout}'s "
+            f"({', '.join(layout_names(layout))}), got {', '.join(names)}; rename them"
+        )
+    return columns

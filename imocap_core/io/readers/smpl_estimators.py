@@ -1,0 +1,413 @@
+"""Estimators of SMPL (VIBE, WHAM, TRAM, PHALP and others), and all estimators by name.
+
+VIBE: `vibe_output.pkl`, written by its demo with joblib (and by tools in its format).
+
+{person: {``pose`` (N, 72) axis-angle, the root in camera axes, ``bboxes`` (N, 4) middle, width and
+height in pixels, ``frame_ids`` (N,), ``betas``, cameras, joints, ``verts``}}. Of several people
+the performer is found by the boxes. Cameras, shape, joints and mesh are not used.
+
+WHAM: `wham_output.pkl`, written by its demo with joblib when asked to save.
+
+{person: {``pose`` (N, 72) axis-angle, the root in camera axes, ``trans`` (N, 3), ``frame_ids``
+(N,), ``betas``, ``verts``, ``pose_world``, ``trans_world``}}. Of several people the performer is
+found by ``trans``, projected with WHAM's default focal length (the picture's diagonal).
+World motion, shape and mesh are not used.
+
+HMMR: `hmmr_output.pkl`, one person's track, pickled by its demo.
+
+``poses`` (N, 24, 3, 3) are rotation matrices, the root's in camera axes; ``cams``, ``joints``,
+``kps``, ``shapes``, ``verts`` and ``omegas`` are not used. The file has no frame numbers: N is
+the number of used frames, or of all frames of the video.
+
+GVHMR: `hmr4d_results.pt`, and GEM: `smpl_params.pt`; one person's motion, saved with torch.
+
+``smpl_params_incam`` (GVHMR) or ``body_params_incam`` (GEM with the body SMPL) has
+``global_orient`` (N, 3) and ``body_pose`` (N, 63), axis-angle, in camera axes: pelvis and the 21
+joints that SMPL-X shares with SMPL (SMPL's hands stay at rest); one row per frame of the video.
+``transl``, ``betas``, the world's parameters, the camera and the network's other outputs are not
+used. The file is read with torch's restricted reader.
+
+TRAM: `hps/hps_track_0.npy` (and further tracks), one person each, saved by its script.
+
+``pred_rotmat`` (N, 24, 3, 3) are rotation matrices in camera axes and ``frame`` (N,) the frame
+numbers, torch tensors in a pickled dictionary; ``pred_trans`` (N, 1, 3) with ``img_focal`` and
+``img_center``, which are optional, give the person's position. A folder stands for all its tracks,
+a file for that person alone. Shape and weak-perspective camera are not used.
+
+PromptHMR: `results.pkl`, written by its video pipeline with joblib.
+
+``people``: {track: {``frames`` (N,), ``bboxes`` (N, 4 or more) x0, y0, x1, y1 in pixels,
+``smplx_cam``: {``pose`` (N, 165) axis-angle of SMPL-X's 55 joints, the root in camera axes,
+``rotmat``, ``shape``, ``trans``, ...}, ``smplx_world``: ...}}. The first 22 joints are SMPL's
+(SMPL's hands stay at rest). World motion, shape, camera, face and fingers are not used.
+
+4D-Humans (HMR2) with PHALP: the `.pkl` of its tracking, one dictionary per clip.
+
+{picture's path: {``time`` the frame's number from 0, ``tid`` the people's tracks, ``smpl`` for each
+{``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3), ``betas``} in camera axes, ``bbox`` x, y,
+width, height in pixels, ``tracked_time`` frames since the person was last detected, ...}}, written
+with joblib. People who were not detected in a frame (``tracked_time`` above 0) are ignored there.
+Of several people the performer is found by the boxes. Cameras, joints, shape, masks and appearance
+are not used.
+
+Multi-HMR: the people that its model returns for every frame, saved by the user.
+
+{``img_size``: the model's, ``frames``: [one list of people a frame]}, with torch.save, pickle or as
+JSON. A person has ``rotvec`` (53, 3), axis-angle in camera axes: SMPL-X's pelvis and 21 joints
+first, then hands and jaw; and ``loc`` (2,), the head's place in the square picture of ``img_size``
+pixels into which the model's demo fits the video's. Meshes, shape and translations are not used.
+
+smpl_npz: SMPL parameters of one video, as `imocap export --format npz` writes them.
+
+The readers of monocular 3D estimates, by the name that action.yaml gives their format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+from imocap_core.io.array_files import read_results
+from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
+from imocap_core.io.readers.estimates import (
+    JOINTS,
+    Entries,
+    PerformerBoxes,
+    PersonInFrame,
+    checked_rotations,
+    field,
+    frame_entries,
+    frame_ids,
+    from_vectors,
+    of_performer,
+    people_of,
+    performer_of,
+    performer_rows,
+    read_saved,
+    select_rows,
+)
+from imocap_core.io.readers.joint_estimators import (
+    JointsEstimate,
+    read_joints_npz,
+    read_metrabs,
+    read_nlf,
+    read_sam3d_body,
+)
+from imocap_core.io.readers.mediapipe import read_mediapipe_world
+from imocap_core.io.readers.people import frame_number, type_name
+
+
+def read_vibe(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes; see `performer_of`."""
+    return performer_of(path, performer, _middle_px)
+
+
+def _middle_px(person: dict[str, Any], count: int, where: str) -> Float[np.ndarray, "N 2"]:
+    return field(person, "bboxes", (count, 4), where)[:, :2]
+
+
+def read_wham(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes; see `performer_of`."""
+
+    def middle_px(person: dict[str, Any], count: int, where: str) -> Float[np.ndarray, "N 2"]:
+        trans = field(person, "trans", (count, 3), where)
+        focal_px = float(np.hypot(*performer.size))
+        depth = np.where(trans[:, 2:] > 0, trans[:, 2:], np.nan)
+        return np.asarray(focal_px * trans[:, :2] / depth + 0.5 * np.array(performer.size))
+
+    return performer_of(path, performer, middle_px)
+
+
+def read_hmmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The joint rotations in camera axes. ValueError names file and field."""
+    poses = field(read_results(path), "poses", ("N", JOINTS, 3, 3), str(path))
+    rows = rows_for_frames({}, len(poses), performer.frames, path)
+    return checked_rotations(poses[rows], f"{path}: poses")
+
+
+GVHMR, GEM = "smpl_params_incam", "body_params_incam"
+SMPL_BODY = 63
+
+
+def read_gvhmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The joint rotations in camera axes. ValueError names file and field."""
+    return _one_person(path, GVHMR, performer)
+
+
+def read_gem(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """As `read_gvhmr`. ValueError for GEM's other body (SOMA), whose joints are not SMPL's."""
+    return _one_person(path, GEM, performer)
+
+
+def _one_person(path: Path, group: str, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    content = read_results(path)
+    if not isinstance(content, dict) or group not in content:
+        got = ", ".join(map(str, content)) if isinstance(content, dict) else type_name(content)
+        raise ValueError(f"{path}: expected a dictionary with {group}, got {got:.80}")
+    where = f"{path}: {group}"
+    body = field(content[group], "body_pose", ("N", "D"), where)
+    if body.shape[1] != SMPL_BODY:
+        raise ValueError(
+            f"{where}: body_pose: expected (N, {SMPL_BODY}), SMPL's body joints, got {body.shape}; "
+            "of another body model (SOMA) export SMPL, or give joints (joints_npz)"
+        )
+    root = field(content[group], "global_orient", (len(body), 3), where)
+    rows = rows_for_frames({}, len(body), performer.frames, path)
+    return from_vectors(np.concatenate([root, body], axis=1)[rows])
+
+
+def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
+
+    ValueError names file, field, expected and got.
+    """
+    files = sorted(path.glob("hps_track_*.npy")) if path.is_dir() else [path]
+    if not files:
+        raise ValueError(f"{path}: expected hps_track_0.npy and so on in the folder, found none")
+    frames, track, middle, poses = [], [], [], []
+    for number, file in enumerate(files):
+        content = read_results(file)
+        rotations = field(content, "pred_rotmat", ("N", JOINTS, 3, 3), str(file))
+        given = field(content, "frame", (len(rotations),), str(file))
+        frames.append(frame_ids(given, f"{file}: frame"))
+        track.append(np.full(len(rotations), number))
+        middle.append(_middle(content, len(rotations)))
+        poses.append(checked_rotations(rotations, f"{file}: pred_rotmat"))
+    places = (
+        None
+        if any(m is None for m in middle)
+        else np.concatenate([m for m in middle if m is not None])
+    )
+    entries = Entries(np.concatenate(frames), np.concatenate(track), places)
+    return select_rows(np.concatenate(poses), performer_rows(entries, performer, path))
+
+
+def _middle(content: Any, count: int) -> Float[np.ndarray, "N 2"] | None:
+    """The person's position in pixels, or None when the file has none."""
+    given = [content.get(name) for name in ("pred_trans", "img_focal", "img_center")]
+    if any(value is None for value in given):
+        return None
+    trans, focal, center = (np.asarray(value) for value in given)
+    if any(values.dtype.kind not in "fiu" for values in (trans, focal, center)):
+        return None
+    if trans.size != 3 * count or center.size < 2 or focal.size < 1:
+        return None
+    xyz = trans.astype(np.float64).reshape(count, 3)
+    depth = np.where(xyz[:, 2:] > 0, xyz[:, 2:], np.nan)
+    return float(focal.ravel()[0]) * xyz[:, :2] / depth + center.ravel()[:2]
+
+
+BODY = 66  # numbers of the 22 joints that SMPL-X and SMPL share
+SMPLX = 165
+IN_CAMERA = "smplx_cam"
+
+
+def read_prompthmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
+
+    ValueError names file, person, field, expected and got.
+    """
+    content = read_results(path)
+    people = content.get("people") if isinstance(content, dict) else content
+    frames, track, middle, poses = [], [], [], []
+    for number, (name, person) in enumerate(people_of(people, path).items()):
+        where = f"{path}: people {name}"
+        held = person if isinstance(person, dict) else {}
+        pose = field(held.get(IN_CAMERA), "pose", ("N", SMPLX), f"{where}: {IN_CAMERA}")
+        boxes = field(person, "bboxes", (len(pose), "4 or more"), where)
+        if boxes.shape[1] < 4:
+            raise ValueError(f"{where}: bboxes: expected x0, y0, x1, y1, got {boxes.shape}")
+        middle.append(0.5 * (boxes[:, :2] + boxes[:, 2:4]))
+        frames.append(frame_ids(field(person, "frames", (len(pose),), where), where))
+        track.append(np.full(len(pose), number))
+        poses.append(pose[:, :BODY])
+    entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
+    rows = performer_rows(entries, performer, path)
+    return select_rows(from_vectors(np.concatenate(poses)), rows)
+
+
+def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
+
+    ValueError names file, frame, field, expected and got.
+    """
+    content = read_results(path)
+    if not isinstance(content, dict) or not content:
+        got = "an empty one" if isinstance(content, dict) else type_name(content)
+        raise ValueError(f"{path}: expected a dictionary with one entry per frame, got {got}")
+    frames, track, middle, poses = [], [], [], []
+    for n, name in enumerate(sorted(content, key=str)):
+        where = f"{path}: {name}"
+        entry = content[name]
+        people, boxes = _listed(entry, "smpl", where), _listed(entry, "bbox", where)
+        ids = _listed(entry, "tid", where)
+        if not len(people) == len(boxes) == len(ids):
+            raise ValueError(
+                f"{where}: expected as many smpl, bbox and tid, got {len(people)}, {len(boxes)} "
+                f"and {len(ids)}"
+            )
+        since = _listed({"tracked_time": []} | entry, "tracked_time", where)
+        frame = frame_number(_number(entry.get("time", n)), f"{where}: time")
+        for i, person in enumerate(people):
+            if i < len(since) and since[i] != 0:
+                continue
+            box = field({"bbox": boxes[i]}, "bbox", (4,), f"{where}: person {i}")
+            frames.append(frame)
+            track.append(frame_number(_number(ids[i]), f"{where}: tid"))
+            middle.append(box[:2] + 0.5 * box[2:])
+            poses.append(_rotations(person, f"{where}: person {i}"))
+    if not poses:
+        raise ValueError(f"{path}: expected at least one person, got none; track the video again")
+    entries = Entries(np.array(frames), np.array(track), np.array(middle))
+    rows = performer_rows(entries, performer, path)
+    return select_rows(checked_rotations(np.stack(poses), f"{path}: smpl"), rows)
+
+
+def _listed(entry: Any, name: str, where: str) -> list[Any]:
+    people = entry.get(name) if isinstance(entry, dict) else None
+    if isinstance(people, np.ndarray) and people.ndim:
+        people = list(people)
+    if not isinstance(people, list):
+        raise ValueError(f"{where}: {name}: expected a list of people, got {type_name(people)}")
+    return people
+
+
+def _rotations(person: Any, where: str) -> Float[np.ndarray, "24 3 3"]:
+    root = field(person, "global_orient", (1, 3, 3), where)
+    body = field(person, "body_pose", (JOINTS - 1, 3, 3), where)
+    return np.concatenate([root, body])
+
+
+def _number(value: Any) -> Any:
+    """A numpy number as Python's."""
+    return (
+        value.item() if isinstance(value, (np.generic, np.ndarray)) and value.size == 1 else value
+    )
+
+
+MULTIHMR_JOINTS, MULTIHMR_BODY = 53, 22  # of rotvec, and those that SMPL shares with SMPL-X
+HANDS = 6  # numbers of SMPL's hands, which stay at rest
+
+
+def read_multihmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
+
+    ValueError names file, frame, person, field, expected and got.
+    """
+    content = read_saved(path)
+    side = content.get("img_size") if isinstance(content, dict) else None
+    if isinstance(side, np.ndarray) and side.size == 1:
+        side = side.item()
+    if not isinstance(side, (int, float)) or not 0 < side < np.inf:
+        raise ValueError(
+            f"{path}: expected a dictionary with img_size, the model's, and frames, got "
+            f"{type_name(content)} with img_size {type_name(side)}"
+        )
+    estimates: list[PersonInFrame] = []
+    for frame, people in enumerate(frame_entries(content.get("frames"), path)):
+        if not isinstance(people, list):
+            where = f"{path}: frames[{frame}]"
+            raise ValueError(f"{where}: expected a list of people, got {type_name(people)}")
+        for i, person in enumerate(people):
+            where = f"{path}: frames[{frame}][{i}]"
+            vectors = field(person, "rotvec", (MULTIHMR_JOINTS, 3), where)
+            middle = in_video(field(person, "loc", (2,), where), float(side), performer.size)
+            estimates.append(
+                PersonInFrame(frame, middle, np.pad(vectors[:MULTIHMR_BODY].ravel(), (0, HANDS)))
+            )
+    return from_vectors(of_performer(estimates, performer, path))
+
+
+def in_video(
+    xy: Float[np.ndarray, "2"], side: float, size: tuple[int, int]
+) -> Float[np.ndarray, "2"]:
+    """A place in a square of `side` pixels, in whose middle the picture fits, in the picture's
+    pixels."""
+    return (xy - side / 2) * max(size) / side + np.array(size) / 2
+
+
+_BODY = 66  # pelvis and the 21 joints that SMPL, SMPL-H and SMPL-X share, three numbers each
+
+
+@dataclass(frozen=True)
+class SmplEstimate:
+    """SMPL parameters in a world, and the camera from that world.
+
+    theta: axis-angle, radians. trans: metres, as in smplx. R, t: identity and 0 when the file has
+    none; its world is then the camera's axes.
+    """
+
+    theta: Float[np.ndarray, "T 72"]
+    betas: Float[np.ndarray, "10"]
+    trans: Float[np.ndarray, "T 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, "3"]
+
+
+def read_smpl_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> SmplEstimate:
+    """The estimate at the used source frames.
+
+    The file has ``poses`` (N, 72 or 156), ``trans`` (N, 3) and optionally ``betas`` (10,) or
+    (N, 10), ``R``, ``t`` and ``frames`` (N,). The hands of 156 numbers are ignored: SMPL's hand
+    joints are then at rest. Betas that change over time are averaged. ValueError names file, array,
+    expected and got.
+    """
+    arrays = load_arrays(path)
+    poses = numbers(arrays, "poses", ("T", "72 or 156"), path)
+    if poses.shape[1] not in (72, 156):
+        raise ValueError(f"{path}: poses: expected 72 or 156 columns, got {poses.shape[1]}")
+    rows = rows_for_frames(arrays, len(poses), used_frames, path)
+    trans = numbers(arrays, "trans", (len(poses), 3), path)
+    theta = poses[rows, :72]
+    if poses.shape[1] == 156:
+        theta = theta.copy()
+        theta[:, _BODY:] = 0.0
+    return SmplEstimate(
+        theta,
+        _betas(arrays, path),
+        trans[rows],
+        numbers(arrays, "R", (3, 3), path) if "R" in arrays else np.eye(3),
+        numbers(arrays, "t", (3,), path) if "t" in arrays else np.zeros(3),
+    )
+
+
+def _betas(arrays: dict[str, Shaped[np.ndarray, "..."]], path: Path) -> Float[np.ndarray, "10"]:
+    """Ten numbers: cut or filled with zeros, averaged over time."""
+    if "betas" not in arrays:
+        return np.zeros(10)
+    per_frame = arrays["betas"].ndim == 2
+    betas = numbers(arrays, "betas", ("T", "B") if per_frame else ("B",), path)
+    mean = betas.mean(axis=0) if per_frame else betas
+    return np.concatenate([mean[:10], np.zeros(max(0, 10 - len(mean)))])
+
+
+def _joints_npz(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    return read_joints_npz(path, performer.frames)
+
+
+# Joint rotations in camera axes, NaN where there is no estimate.
+ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
+    "hmr2": read_phalp,
+    "tokenhmr": read_phalp,
+    "wham": read_wham,
+    "gvhmr": read_gvhmr,
+    "gem": read_gem,
+    "prompthmr": read_prompthmr,
+    "vibe": read_vibe,
+    "hmmr": read_hmmr,
+    "tram": read_tram,
+    "nlf": read_nlf,
+    "multihmr": read_multihmr,
+}
+# Joints (T, J, 3) metres in camera axes.
+JOINT_READERS: dict[str, Callable[[Path, PerformerBoxes], JointsEstimate]] = {
+    "joints_npz": _joints_npz,
+    "sam3d_body": read_sam3d_body,
+    "metrabs": read_metrabs,
+    "mediapipe_world": read_mediapipe_world,
+}

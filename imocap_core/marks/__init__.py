@@ -1,1 +1,0 @@
-"""Corrections of where a detector marks joints, as a function of the pose in the picture."""

@@ -1,0 +1,308 @@
+"""Damped Gauss-Newton with guaranteed descent. It knows residuals, not bodies.
+
+The sum of all terms of an objective, and its normal equations.
+
+A batch is split into its motions, each of its own length. Motions that share their globals step
+together; others are solved separately and stop when they have converged. On a CPU every motion has
+a thread, and a single motion has one for each half of its work: the blocks are too small for a
+linear algebra library's own threads to pay.
+
+Where motions are long fewer are worked on at once, and their normal equations are not kept for
+another damping but factored in place: memory is bounded by the longest motion, steps are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from imocap_core.motion.descent import Descent, descend
+from imocap_core.motion.normal import NormalEquations, Reduced, solve_globals
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.terms.base import Term
+from imocap_core.workers import Each, cores, in_turn, on
+
+HALVES = 2  # parts in which the terms of a single motion are worked on at the same time
+
+
+def objective(terms: Sequence[Term], state: MotionState) -> Float[Tensor, " B"]:
+    """Sum of all terms' costs."""
+    return torch.stack([term.cost(state) for term in terms]).sum(0)
+
+
+def linearise(terms: Sequence[Term], state: MotionState) -> NormalEquations:
+    """The normal equations of all terms at ``state``; padded frames get the identity."""
+    return _with_padding(_of_terms(terms, state), state)
+
+
+def _of_terms(terms: Sequence[Term], state: MotionState) -> NormalEquations:
+    batch, frames = state.valid.shape
+    normal = NormalEquations.zeros(
+        batch, frames, FRAME_UNKNOWNS, state.unknown_globals, state.trans
+    )
+    for term in terms:
+        term.add_to(normal, state)
+    return normal
+
+
+def _with_padding(normal: NormalEquations, state: MotionState) -> NormalEquations:
+    torch.diagonal(normal.diagonal, dim1=-2, dim2=-1).add_(
+        (~state.valid)[..., None].to(state.trans)
+    )
+    return normal
+
+
+def linearise_halves(terms: Sequence[Term], state: MotionState, each: Each) -> NormalEquations:
+    """`linearise`, every second term by itself."""
+    halves = [terms[k::HALVES] for k in range(min(HALVES, len(terms)))]
+    first, *others = each(lambda half: _of_terms(half, state), halves)
+    normal: NormalEquations = first
+    for other in others:
+        normal = normal.plus(other)
+    return _with_padding(normal, state)
+
+
+MOST_HELD = 3072  # frames whose normal equations or factors are in memory at once: 0.5 GB
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the solver stopped.
+
+    Attributes:
+        state: of the lowest objective.
+        costs: objective of the whole batch, at the start and after each step.
+        converged: (B,); status: one sentence.
+    """
+
+    state: MotionState
+    costs: list[float]
+    converged: Bool[Tensor, " B"]
+    status: str
+
+
+@dataclass(frozen=True)
+class SolverMotion:
+    """One motion of a batch (batch of 1, without padding) and its part of every term."""
+
+    terms: list[Term]
+    state: MotionState
+
+    def cost(self, each: Each = in_turn) -> float:
+        """Its objective; ``each`` runs the terms."""
+        costs = each(partial(_cost_of, state=self.state), self.terms)
+        return float(torch.stack(costs).sum())
+
+
+def gauss_newton(
+    terms: Sequence[Term],
+    state: MotionState,
+    *,
+    max_steps: int,
+    relative_tolerance: float = 1e-4,
+    shared_globals: bool = False,
+    free_shape: bool = True,
+    bodies: Sequence[int] | None = None,
+) -> Solution:
+    """Levenberg-Marquardt on the block-banded system.
+
+    A step that raises the objective is rejected and its damping grows, so the objective never
+    rises. With ``shared_globals`` the batch is one body: it is accepted or rejected together and
+    must start with equal betas.
+
+    Args:
+        terms: the objective; state: the start.
+        max_steps: linearisations at most.
+        relative_tolerance: a motion has converged when a step lowers its objective by less than
+            this share.
+        shared_globals: one body for the batch; free_shape: False holds the betas.
+        bodies: number of each motion's body; with ``shared_globals``, those of one body alone
+            share their globals.
+    """
+    motions = split_batch(terms, state)
+    count, longest = state.valid.shape
+    at_once = min(count, cores(), motions_at_once(longest))
+    workers = 1 if state.trans.is_cuda else min(cores(), max(at_once, HALVES))
+    rows = _rows_of_bodies((bodies or [0] * count) if shared_globals else range(count))
+    with ThreadPoolExecutor(workers) as pool:
+        apart = not shared_globals and at_once > 1
+        threads = on(pool) if workers > 1 else in_turn
+
+        def bring_down(row: list[int]) -> Descent[list[SolverMotion]]:
+            group = [motions[v] for v in row]
+            each = in_turn if apart else threads
+            problem = _OneBody.of(group, each, free_shape, at_once, at_once * longest, count == 1)
+            return descend(problem, group, max_steps=max_steps, tolerance=relative_tolerance)
+
+        descents = (threads if apart else in_turn)(bring_down, rows)
+    solved = {
+        v: (motion.state, bool(descent.converged[0]))
+        for row, descent in zip(rows, descents, strict=True)
+        for v, motion in zip(row, descent.state, strict=True)
+    }
+    minima = [solved[v][0] for v in range(len(motions))]
+    steps = max(len(d.costs) for d in descents)
+    costs = [
+        float(sum(d.costs[min(k, len(d.costs) - 1)][0] for d in descents)) for k in range(steps)
+    ]
+    converged = [solved[v][1] for v in range(len(motions))]
+    status = (
+        f"converged after {steps - 1} steps"
+        if all(converged)
+        else f"stopped after {max_steps} steps before every motion converged"
+    )
+    flags = torch.tensor(converged, device=state.valid.device)
+    return Solution(merge_batch(state, minima), costs, flags, status)
+
+
+def motions_at_once(frames: int) -> int:
+    """Motions of so many frames whose normal equations may be in memory at the same time."""
+    return max(1, MOST_HELD // max(frames, 1))
+
+
+def _rows_of_bodies(bodies: Sequence[int]) -> list[list[int]]:
+    """The motions of each body."""
+    return [[v for v, b in enumerate(bodies) if b == body] for body in dict.fromkeys(bodies)]
+
+
+def split_batch(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
+    """The motions of a batch, each without its padding."""
+    lengths = state.valid.sum(1).tolist()
+    return [
+        SolverMotion([term.of(v, n) for term in terms], state.of_motion(v, n))
+        for v, n in enumerate(lengths)
+    ]
+
+
+def merge_batch(batch: MotionState, motions: Sequence[MotionState]) -> MotionState:
+    """The batch with its motions replaced; padding stays."""
+    R_local, trans = batch.R_local.clone(), batch.trans.clone()
+    for v, motion in enumerate(motions):
+        length = motion.valid.shape[1]
+        R_local[v, :length], trans[v, :length] = motion.R_local[0], motion.trans[0]
+    return replace(
+        batch,
+        R_local=R_local,
+        trans=trans,
+        betas=torch.cat([m.betas for m in motions]),
+        camera_R=torch.cat([m.camera_R for m in motions]),
+        camera_t=torch.cat([m.camera_t for m in motions]),
+        log_focal=torch.cat([m.log_focal for m in motions]),
+        other_betas=torch.cat([m.other_betas for m in motions]),
+    )
+
+
+@dataclass(frozen=True)
+class _OneBody:
+    """Motions whose globals move as one, as the one row of a descent.
+
+    Attributes:
+        each: runs the motions; within: the halves of a single one.
+        alone: whether a single motion is all there is: its terms are added in halves, wherever
+            these run, so that a result does not depend on the number of cores.
+        held: whether the normal equations of all motions are kept until a step is accepted. If
+            not, each motion's are set up, factored in place and dropped, and once more after a
+            rejected step.
+    """
+
+    each: Each
+    within: Each
+    free_shape: bool
+    held: bool
+    alone: bool
+
+    @classmethod
+    def of(
+        cls,
+        motions: Sequence[SolverMotion],
+        each: Each,
+        free_shape: bool,
+        at_once: int,
+        frames: int,
+        alone: bool,
+    ) -> "_OneBody":
+        """``each`` runs the halves of the motions where these are worked on one by one.
+
+        Args:
+            at_once: motions that are worked on at the same time; frames: of all of these.
+            alone: whether the motion is the only one that is fitted.
+        """
+        of_body = sum(motion.state.valid.shape[1] for motion in motions)
+        held = max(of_body, frames) + frames <= MOST_HELD  # equations, and factors of some
+        if len(motions) == 1 or at_once == 1:
+            return cls(in_turn, each, free_shape, held, alone)
+        return cls(each, in_turn, free_shape, held, alone)
+
+    def cost(self, state: list[SolverMotion]) -> Float[np.ndarray, "1"]:
+        """Sum of the motions' objectives."""
+        return np.array([sum(self.each(partial(SolverMotion.cost, each=self.within), state))])
+
+    def linearise(self, state: list[SolverMotion]) -> list[NormalEquations | None]:
+        """The normal equations of every motion; None where they are not held."""
+        if not self.held:
+            return [None] * len(state)
+        systems: list[NormalEquations | None] = self.each(self._system, state)
+        return systems
+
+    def trial(
+        self,
+        state: list[SolverMotion],
+        equations: list[NormalEquations | None],
+        damping: Float[np.ndarray, "1"],
+    ) -> list[SolverMotion]:
+        """Every motion moved, the globals by one and the same step."""
+        factor = float(damping[0])
+        pairs = list(zip(state, equations, strict=True))
+        reduced = self.each(partial(self._reduced, damping=factor), pairs)
+        d_globals = solve_globals(reduced, factor).nan_to_num()
+        return self.each(
+            partial(_moved, d_globals=d_globals), list(zip(state, reduced, strict=True))
+        )
+
+    def _system(self, motion: SolverMotion) -> NormalEquations:
+        if self.alone and self.held:  # halves are two systems until they are added
+            normal = linearise_halves(motion.terms, motion.state, self.within)
+        else:
+            normal = linearise(motion.terms, motion.state)
+        return normal if self.free_shape else _with_held_shape(normal, motion.state)
+
+    def _reduced(
+        self, pair: tuple[SolverMotion, NormalEquations | None], damping: float
+    ) -> Reduced:
+        motion, equations = pair
+        if equations is None:
+            system = self._system(motion)
+            motion.state.forget()  # wanted again only where the step is rejected
+            return system.reduce(damping, self.within, in_place=True)
+        return equations.reduce(damping, self.within)
+
+    def choose(
+        self, better: Bool[np.ndarray, "1"], trial: list[SolverMotion], state: list[SolverMotion]
+    ) -> list[SolverMotion]:
+        """All motions are accepted or rejected together."""
+        return trial if better[0] else state
+
+
+def _cost_of(term: Term, state: MotionState) -> Tensor:
+    return term.cost(state)
+
+
+def _with_held_shape(normal: NormalEquations, state: MotionState) -> NormalEquations:
+    shape = slice(0, state.betas.shape[1])
+    normal.border[..., shape] = 0.0
+    normal.corner[:, shape] = normal.corner[:, :, shape] = 0.0
+    normal.corner_gradient[:, shape] = 0.0
+    return normal
+
+
+def _moved(pair: tuple[SolverMotion, Reduced], d_globals: Tensor) -> SolverMotion:
+    motion, reduced = pair
+    d_frames = reduced.frames(d_globals[None]).nan_to_num()
+    return replace(motion, state=motion.state.retract(d_frames, d_globals[None]))

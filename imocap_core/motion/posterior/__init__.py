@@ -1,1 +1,0 @@
-"""How well the motion is determined: covariances and viewpoints."""

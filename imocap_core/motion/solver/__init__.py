@@ -1,1 +1,0 @@
-"""Damped Gauss-Newton on block-banded normal equations; it knows residuals, not bodies."""

@@ -1,0 +1,241 @@
+"""Priors: pose, shape, limits of hinges, focal lengths.
+
+A Gaussian-mixture pose prior as a term of the objective.
+
+The shape prior: beta ~ N(0, 1). Every fitter needs one; the paper does not print it.
+
+Images tell proportions, not size: a small person near the camera looks like a tall one far away.
+Nor do they tell a torso's form: bodies with the same limbs, hips, shoulders and height of the trunk
+differ in where the spine runs. Errors of keypoints and poses would leak into both, so size and the
+directions of shape that no keypoint tells have weights of their own (docs/decisions.md).
+
+Knees and elbows do not bend backwards: a one-sided quadratic on the hinge angle.
+
+Prior on unknown focal lengths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from imocap_core.body import Model
+from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.prior import PosePrior
+from imocap_core.motion.state import POSE, MotionState
+from imocap_core.rotations import inverse_right_jacobian
+
+CHUNK = 32  # frames at once, so that their matrices fit a processor's cache
+
+
+@dataclass(frozen=True)
+class PosePriorTerm:
+    """Twice the negative log likelihood of each frame under its best component (max-mixture).
+
+    Max-mixture (Olson & Agarwal, 2013; used for bodies by SMPLify) keeps the term a sum of
+    squares: the best component's Mahalanobis distance plus its constant.
+    """
+
+    prior: PosePrior
+    weight: float
+
+    def of(self, v: int, frames: int) -> PosePriorTerm:
+        """The same for every motion."""
+        return self
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion, summed over valid frames."""
+        distance, _ = self._best(state)
+        return self.weight * torch.where(state.valid, distance, 0.0).sum(1)
+
+    def _best(self, state: MotionState) -> tuple[Tensor, Tensor]:
+        return state.cached((self.prior,), lambda: self.prior.best(_articulation(state)))
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """Precision of the best component, pulled back by d theta / d delta = Jr^-1."""
+        _, component = self._best(state)
+        pull = inverse_right_jacobian(state.axis_angle[:, :, 1:])
+        pull = pull * state.valid[..., None, None, None]
+        offset = _articulation(state) - self.prior.mean[component]
+        for first in range(0, pull.shape[1], CHUNK):
+            chunk = slice(first, first + CHUNK)
+            precision, joints = self.prior.precision[component[:, chunk]], pull[:, chunk]
+            slope = (precision @ offset[:, chunk, :, None]).unflatten(2, (-1, 3))
+            square = _by_joint(joints, _by_joint(joints, precision).mT)
+            normal.diagonal[:, chunk, 3:POSE, 3:POSE].add_(square, alpha=self.weight)
+            pulled = (joints.mT @ slope).flatten(2)
+            normal.gradient[:, chunk, 3:POSE].add_(pulled, alpha=self.weight)
+
+
+def _by_joint(pull: Tensor, columns: Tensor) -> Tensor:
+    """``pull^T`` (B, T, J, 3, 3), block by block, times columns (B, T, 3J, n)."""
+    return (pull.mT @ columns.unflatten(2, (-1, 3))).flatten(2, 3)
+
+
+def _articulation(state: MotionState) -> Tensor:
+    """(B, T, 69) axis-angle of every joint but the root."""
+    return state.axis_angle[:, :, 1:].flatten(2)
+
+
+LENGTH_COUNTS = (2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0)  # of each of `length_rates` in a body
+
+
+@dataclass(frozen=True)
+class ShapePrior:
+    """``beta^T precision beta``: beta is in standard deviations of the population."""
+
+    precision: Float[Tensor, "n n"]
+
+    @classmethod
+    def of_body(
+        cls, model: Model, weight: float, hidden_weight: float, size_weight: float
+    ) -> ShapePrior:
+        """``weight`` along the proportions that keypoints tell, ``size_weight`` along size,
+        ``hidden_weight`` along the form of the torso."""
+        hidden, size = hidden_directions(model), size_direction(model)
+        of_form, of_size = hidden @ hidden.T, torch.outer(size, size)
+        of_proportions = torch.eye(model.num_betas).to(hidden) - of_form - of_size
+        return cls(weight * of_proportions + hidden_weight * of_form + size_weight * of_size)
+
+    def of(self, v: int, frames: int) -> ShapePrior:
+        """The same for every motion."""
+        return self
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        precision = self._precision(state)
+        cost = torch.einsum("bi,ij,bj->b", state.betas, precision, state.betas)
+        others = state.other_betas
+        if others.shape[1]:
+            cost = cost + torch.einsum("bpi,ij,bpj->b", others, precision, others)
+        return cost
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """A constant block for every performer."""
+        precision = self._precision(state)
+        for performer in range(1 + state.other_betas.shape[1]):
+            columns = state.shape_columns(performer)
+            normal.corner[:, columns, columns] += precision
+            normal.corner_gradient[:, columns] += state.of_performer(performer).betas @ precision
+
+    def _precision(self, state: MotionState) -> Float[Tensor, "n n"]:
+        return self.precision.to(state.betas)
+
+
+def hidden_directions(model: Model) -> Float[Tensor, "n k"]:
+    """Orthonormal directions of shape that leave the lengths between the twelve joints, and so
+    their size, as they are."""
+    _, singular, rows = torch.linalg.svd(length_rates(model))
+    rank = int((singular > 1e-6 * singular[0]).sum())
+    return rows[rank:].T
+
+
+def size_direction(model: Model) -> Float[Tensor, " n"]:
+    """Unit vector of shape coefficients along which the lengths between the twelve joints grow
+    most, all together.
+
+    Those alone: feet, hands and neck, which no keypoint tells, would shrink to make up for limbs.
+    """
+    rates = length_rates(model)
+    longer = rates.T @ rates.new_tensor(LENGTH_COUNTS)
+    return longer / torch.linalg.vector_norm(longer)
+
+
+def length_rates(model: Model) -> Float[Tensor, "7 n"]:
+    """Metres per unit of each coefficient of what the twelve joints tell of a shape: limbs, both
+    sides alike, the widths of hips and shoulders, the trunk between them."""
+    points = {
+        name: (model.joints_template[k], model.joints_shapedirs[k, :, : model.num_betas])
+        for k, name in enumerate(SMPL_JOINTS)
+    }
+    for part in ("hip", "shoulder"):
+        left, right = (points[f"{side}_{part}"] for side in SIDES)
+        points[part] = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
+
+    def rate(start: str, end: str) -> Float[Tensor, " n"]:
+        bone = points[end][0] - points[start][0]
+        growth = points[end][1] - points[start][1]
+        return (bone / torch.linalg.vector_norm(bone)) @ growth
+
+    limbs = [
+        torch.stack([rate(f"{s}_{a}", f"{s}_{b}") for s in SIDES]).mean(0) for a, b in LIMB_BONES
+    ]
+    widths = [rate(f"right_{part}", f"left_{part}") for part in ("hip", "shoulder")]
+    return torch.stack([*limbs, *widths, rate("hip", "shoulder")])
+
+
+# joint, axis-angle component, sign in which it flexes (SMPL's T-pose: y up, facing +z)
+HINGES = (
+    ("left_knee", 0, 1.0),
+    ("right_knee", 0, 1.0),
+    ("left_elbow", 1, -1.0),
+    ("right_elbow", 1, 1.0),
+)
+
+
+@dataclass(frozen=True)
+class HingeLimits:
+    """``weight * max(0, -flexion - slack)^2`` for both knees and elbows, radians."""
+
+    weight: float
+    slack_rad: float = 0.1
+
+    def _violation(self, state: MotionState) -> list[tuple[int, int, float, Tensor]]:
+        parts = []
+        for name, axis, sign in HINGES:
+            joint = SMPL_JOINTS.index(name)
+            flexion = sign * state.axis_angle[:, :, joint, axis]
+            excess = (-flexion - self.slack_rad).clamp_min(0.0) * state.valid
+            parts.append((joint, axis, sign, excess))
+        return parts
+
+    def of(self, v: int, frames: int) -> HingeLimits:
+        """The same for every motion."""
+        return self
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        parts = [excess.square().sum(1) for *_, excess in self._violation(state)]
+        return self.weight * torch.stack(parts).sum(0)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """Active only where violated."""
+        for joint, axis, sign, excess in self._violation(state):
+            theta = state.axis_angle[:, :, joint]
+            row = -sign * inverse_right_jacobian(theta)[..., axis, :]
+            row = row * (excess > 0)[..., None]
+            span = slice(3 * joint, 3 * joint + 3)
+            outer = row[..., :, None] * row[..., None, :]
+            normal.diagonal[..., span, span] += self.weight * outer
+            normal.gradient[..., span] += self.weight * row * excess[..., None]
+
+
+@dataclass(frozen=True)
+class FocalPrior:
+    """``weight * (log f - log f_assumed)^2`` of every free focal length.
+
+    Attributes:
+        assumed: (F,) logarithm of the assumed focal length over that of the view; weight: (F,).
+    """
+
+    assumed: Float[Tensor, " F"]
+    weight: Float[Tensor, " F"]
+
+    def of(self, v: int, frames: int) -> FocalPrior:
+        """The same for every motion."""
+        return self
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        return (self.weight * (state.log_focal - self.assumed).square()).sum(-1)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """A constant diagonal."""
+        first = state.focal_column(0)
+        columns = slice(first, first + len(self.weight))
+        torch.diagonal(normal.corner, dim1=-2, dim2=-1)[:, columns] += self.weight
+        normal.corner_gradient[:, columns] += self.weight * (state.log_focal - self.assumed)

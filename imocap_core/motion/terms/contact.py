@@ -1,0 +1,197 @@
+"""Contact and balance: feet on the ground do not slide, the centre of mass is above them.
+
+Foot contact: feet on the ground do not slide.
+
+Balance: a body's centre of mass is above the limbs that it stands on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from imocap_core.motion.normal import NormalEquations, add_product
+from imocap_core.motion.state import POSE, Body, MotionState, Points
+from imocap_core.motion.terms.base import padded, pairs, pieces, running_mean
+from imocap_core.robust import cauchy, geman_mcclure, geman_mcclure_weight
+
+CONTACT_WINDOW_S = 0.4
+
+
+@dataclass(frozen=True)
+class FootContact:
+    """Speeds of ankles and balls of the feet, at a cost with a ceiling.
+
+    A foot is in contact or swings. The Geman-McClure loss pulls slow feet to a stop and leaves fast
+    ones free. The state's axes must not move against the ground.
+
+    Attributes:
+        body: whose feet.
+        weight: 1 / (m per frame)^2 of small speeds, one for all or (B, T-1, 4).
+        scale: square root of the ceiling.
+    """
+
+    body: Body
+    weight: float | Float[Tensor, "B steps 4"]
+    scale: float
+
+    def of(self, v: int, frames: int) -> FootContact:
+        """One motion's feet."""
+        if isinstance(self.weight, float):
+            return self
+        return replace(self, weight=self.weight[v : v + 1, : frames - 1])
+
+    def _cost(self, step: Tensor) -> tuple[Tensor, Tensor]:
+        return geman_mcclure(self.weight * step.square().sum(-1), self.scale)
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        feet = self.body.positions(self.body.feet, state).xyz
+        return self._cost(_steps(feet, state.valid))[0].sum((1, 2))
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """A step is the later frame's foot minus the earlier one's, so with feet's derivatives J
+        and a pair's weights W a frame gets ``J^T W J`` of both its pairs, and a pair
+        ``-J^T W J'``. Only the unknowns that move a foot enter."""
+        owners = (self.body.feet, _derivatives)
+        feet, frame, d_beta = state.cached(owners, lambda: _derivatives(self.body, state))
+        step = _steps(feet, state.valid)
+        weight = self.weight * self._cost(step)[1] * pairs(state.valid)[..., None]
+        weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
+        shape = d_beta[:, 1:] - d_beta[:, :-1]
+        count, unknowns = shape.shape[-1], frame.shape[-1]
+        change = torch.cat([shape, step.flatten(2)[..., None]], -1)
+        pull = weight * change
+        (before, after), (pulled, pulls) = _of_frames(weight), _of_frames(pull)
+        places = (slice(0, unknowns - 3), slice(0, unknowns - 3)), (slice(-3, None),) * 2
+        for part in pieces(state.valid.shape[1]):
+            held = (before + after)[:, part] * frame[:, part]
+            columns = torch.cat([held, (pulled - pulls)[:, part]], -1)
+            products = frame[:, part].mT @ columns
+            of_frame, by_globals = products.split([unknowns, count + 1], -1)
+            later = frame[:, part.start + 1 : part.stop + 1]
+            pair = slice(part.start, part.start + later.shape[1])
+            across = frame[:, pair].mT @ (-weight[:, pair] * later)
+            for mine, rows in places:
+                for theirs, other in places:
+                    normal.diagonal[:, part, rows, other] += of_frame[..., mine, theirs]
+                    normal.next1[:, pair, rows, other] += across[..., mine, theirs]
+                normal.border[:, part, rows, :count] += by_globals[..., mine, :-1]
+                normal.gradient[:, part, rows] += by_globals[..., mine, -1]
+        corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
+        normal.corner[:, :count, :count] += corner[..., :-1]
+        normal.corner_gradient[:, :count] += corner[..., -1]
+
+
+def foot_contact_share(
+    body: Body, state: MotionState, fps: float, *, speed_m_s: float
+) -> Float[Tensor, "B steps 4"]:
+    """Weight in (0, 1] of each foot's contact between a frame and the next (T - 1 steps).
+
+    Geman-McClure weight of its mean speed over `CONTACT_WINDOW_S`, so that jitter ends no contact;
+    ``speed_m_s`` counts a quarter.
+    """
+    step = _steps(body.positions(body.feet, state).xyz, state.valid)
+    return contact_share(step, fps, speed_m_s=speed_m_s)
+
+
+def contact_share(
+    step: Float[Tensor, "B steps F 3"], fps: float, *, speed_m_s: float
+) -> Float[Tensor, "B steps F"]:
+    """The same from the points' movements from each frame to the next, metres."""
+    half = max(1, round(CONTACT_WINDOW_S * fps / 2))
+    mean = running_mean(step.flatten(2).mT, half).mT.unflatten(-1, (-1, 3))
+    speed = fps * mean.norm(dim=-1)
+    return geman_mcclure_weight(speed, speed_m_s)
+
+
+def _steps(feet: Tensor, valid: Tensor) -> Tensor:
+    """(B, T-1, F, 3) movement from each frame to the next, 0 where one of them is padding."""
+    return (feet[:, 1:] - feet[:, :-1]) * pairs(valid)[..., None, None]
+
+
+def _derivatives(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
+    """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by a frame's unknowns that move them,
+    the translation last, and by the shape."""
+    xyz, frame, shape = [], [], []
+    for part in pieces(state.valid.shape[1]):
+        points = body.derivatives(body.feet, state, part)
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
+        rows = torch.cat([points.d_pose[..., : 3 * body.feet.movers], moves], -1)
+        xyz.append(points.xyz)
+        frame.append(rows.flatten(2, 3))
+        shape.append(points.d_beta.flatten(2, 3))
+    return torch.cat(xyz, 1), torch.cat(frame, 1), torch.cat(shape, 1)
+
+
+def _of_frames(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
+    """Values of pairs (B, T-1, R, C) at each frame, as the later and as the earlier of the pair."""
+    around = padded(of_pairs, 1, 1)
+    return around[:, :-1], around[:, 1:]
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Horizontal distance of the centre of mass from the middle of its support.
+
+    Both are weighted means of the joints, whose weights are constant; so is gravity. Translation
+    does not enter.
+
+    Attributes:
+        body: whose 24 joints.
+        arm: (B, T, 24) weights of the centre of mass less those of the support's middle.
+        whiten: (B, T, 2, 3) from an arm in metres to horizontal coordinates in standard deviations;
+            0 where nothing is claimed.
+        weight: cost of one standard deviation.
+        scale: Cauchy scale, standard deviations.
+    """
+
+    body: Body
+    arm: Float[Tensor, "B T 24"]
+    whiten: Float[Tensor, "B T 2 3"]
+    weight: float
+    scale: float
+
+    def of(self, v: int, frames: int) -> Balance:
+        """One motion's frames."""
+        row = slice(v, v + 1)
+        return replace(self, arm=self.arm[row, :frames], whiten=self.whiten[row, :frames])
+
+    def residual(self, xyz: Float[Tensor, "B T 24 3"]) -> Float[Tensor, "B T 2"]:
+        """Horizontal arm of the centre of mass, in standard deviations."""
+        return (self.whiten @ (self.arm[..., None] * xyz).sum(-2)[..., None])[..., 0]
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        squared = self.residual(self.body.positions(self.body.joints, state).xyz).square().sum(-1)
+        return self.weight * (cauchy(squared, self.scale)[0] * state.valid).sum(1)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """The residual is linear in the joints, so its rows are the joints' derivatives, summed."""
+        for frames in pieces(state.valid.shape[1]):
+            points = self.body.derivatives(self.body.joints, state, frames)
+            part = replace(self, arm=self.arm[:, frames], whiten=self.whiten[:, frames])
+            part._add_piece(normal.of_frames(frames), points, state.valid[:, frames])
+
+    def _add_piece(self, normal: NormalEquations, points: Points, valid: Tensor) -> None:
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        residual = self.residual(points.xyz)
+        weight = self.weight * cauchy(residual.square().sum(-1), self.scale)[1] * valid
+        pose, shape = (
+            self.whiten @ (self.arm[:, :, None] @ x.flatten(3)).view(*x.shape[:2], 3, -1)
+            for x in (points.d_pose, points.d_beta)
+        )
+        count = shape.shape[-1]
+        by_pose, by_shape = (weight[..., None, None] * x for x in (pose, shape))
+        pulled = residual[..., None]
+        add_product(normal.diagonal[..., :POSE, :POSE], pose, by_pose)
+        normal.border[..., :POSE, :count] += by_pose.mT @ shape
+        normal.corner[:, :count, :count] += (shape.mT @ by_shape).sum(1)
+        normal.gradient[..., :POSE] += (by_pose.mT @ pulled)[..., 0]
+        normal.corner_gradient[:, :count] += (by_shape.mT @ pulled)[..., 0].sum(1)

@@ -1,0 +1,247 @@
+"""All tables and figures of the stage evaluate, in the order of the report.
+
+All tables of the stage evaluate, in the order of the report.
+
+Figures of the stage evaluate, written to the report's folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from imocap_core.artifacts.schemas import (
+    Camera,
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    Redetect,
+    RefineSync,
+    Sync,
+    SyncMap,
+    Table,
+    Uncertainty,
+)
+from imocap_core.body import Model
+from imocap_core.camera.gravity import GroundAlignment
+from imocap_core.conventions import EVAL_12
+from imocap_core.evaluate.action_scores import ActionScores
+from imocap_core.evaluate.scoreboard import StageResult, joint_errors_mm
+from imocap_core.figures.overlays import Image, contact_sheet
+from imocap_core.figures.result_figures import joint_error_figure, scene_figure
+from imocap_core.figures.sheets import (
+    CAPTION,
+    SheetVideo,
+    body_sheet,
+    detected_cells,
+    frames_of_moments,
+    moment_cells,
+    read_cells,
+    sheet_ids,
+    spread,
+    upright_world,
+    video_sheet,
+)
+from imocap_core.figures.style import quiet, save
+from imocap_core.figures.sync_figures import affinity_figure, rounds_figure, warp_figure
+from imocap_core.io.truth import Truth
+from imocap_core.metrics.scoring import ALL_VIDEOS
+from imocap_core.report.table_files import Picture
+from imocap_core.report.tables import (
+    event_tables,
+    ground_tables,
+    hand_tables,
+    joint_tables,
+    long_table,
+    metric_tables,
+    round_table,
+    second_look_tables,
+    video_table,
+)
+from imocap_core.report.uncertainty_tables import (
+    leave_one_out_tables,
+    observability_table,
+    trust_tables,
+    uncertainty_tables,
+)
+from imocap_core.workers import at_once
+
+
+def evaluation_tables(
+    scores: ActionScores,
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    initial: InitialSmpl,
+    refined: RefineSync,
+    claimed: Uncertainty,
+    again: Redetect,
+    truth: Truth | None,
+) -> list[Table]:
+    """The tables that the report shows."""
+    every = [*scores.rows, *scores.summary]
+    return [
+        *metric_tables(scores.rows, scores.summary),
+        *joint_tables(scores),
+        *hand_tables(every),
+        *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
+        *second_look_tables(again),
+        video_table(keypoints, camera_motion, refined),
+        *ground_tables(initial, camera_motion, refined),
+        *event_tables(refined),
+        *trust_tables(refined.sync),
+        observability_table(claimed, refined.sync),
+        *leave_one_out_tables(claimed),
+        *uncertainty_tables(claimed, refined.motion.videos, truth, every),
+    ]
+
+
+def all_scores_table(scores: ActionScores) -> Table:
+    """The long table of every metric, for programs only."""
+    per_video = [row for row in scores.rows if row.video != ALL_VIDEOS]
+    return long_table([*per_video, *scores.summary])
+
+
+ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}
+
+
+def draw_plots(
+    folder: Path,
+    sync: Sync,
+    refined: RefineSync,
+    results: Sequence[StageResult],
+    truth: Truth | None,
+    true_positions: Mapping[str, Float[np.ndarray, " _"]],
+    round_errors: Sequence[Mapping[str, float]],
+) -> list[Picture]:
+    """Plots: errors, synchronisation, cameras and paths, the rounds of the loop.
+
+    Args:
+        sync, refined: the first synchronisation, and the loop's result.
+        true_positions: video id -> (T,) index into the reference. round_errors: per round, metric
+            -> mean over the videos; empty without truth.
+    """
+    motion = refined.motion
+    with quiet():
+        figures = [
+            (_joint_errors(results, truth), "joint_errors.png", "Error of each joint."),
+            (
+                warp_figure(sync, refined.sync, true_positions),
+                "warp.png",
+                "Position of each frame of each video in the reference video.",
+            ),
+            (
+                affinity_figure(refined.sync, true_positions),
+                "affinity.png",
+                "Affinity of the poses before and after cycle consistency, with the matched path.",
+            ),
+            (
+                scene_figure(motion.videos, motion.cameras, motion.reference),
+                "scene.png",
+                "Recovered cameras and the path of the root in each video.",
+            ),
+            (_rounds(refined, round_errors), "rounds.png", "Cost and errors of each round."),
+        ]
+        return [
+            _written(folder, figure, name, caption)
+            for figure, name, caption in figures
+            if figure is not None
+        ]
+
+
+def draw_contact_sheets(
+    folder: Path, videos: Sequence[SheetVideo], refined: RefineSync, model: Model
+) -> list[Picture]:
+    """Contact sheets over the videos' frames, and body sheets of two of the videos.
+
+    The first contact sheet shows all videos at the same moments. The videos are drawn at once.
+    """
+    sync = refined.sync
+    of_bodies, ground = sheet_ids(refined, videos), upright_world(refined)
+    reference = videos[sync.ids.index(sync.reference)].keypoints
+    moments = spread(len(reference.frames))
+
+    def drawn(item: tuple[SheetVideo, SyncMap, Camera]) -> _VideoSheets:
+        video, sync_map, camera = item
+        shown = video.keypoints.id in of_bodies
+        of_moments = frames_of_moments(sync_map, moments)
+        return _video_sheets(video, of_moments, model, (camera, ground) if shown else None)
+
+    with quiet():
+        items = list(zip(videos, sync.maps, refined.motion.cameras, strict=True))
+        of_videos: list[_VideoSheets] = at_once(drawn, items)
+        sheets = [_written(folder, *sheet) for video in of_videos for sheet in video.sheets]
+        figure = contact_sheet(
+            [video.moments for video in of_videos],
+            [video.keypoints.id for video in videos],
+            [f"{sync.reference} frame {reference.frames[t]}" for t in moments],
+            "The same moments in every video",
+            "each column shows matched frames with the skeleton of the final result",
+        )
+        caption = "The same moments of the action in every video."
+        if len(videos) == 1:
+            caption = "Moments of the video, with the recovered skeleton."
+        first = _written(folder, figure, "moments.jpg", caption)
+    return [first, *sheets]
+
+
+@dataclass(frozen=True)
+class _VideoSheets:
+    """What is drawn of one video.
+
+    Attributes:
+        moments: its pictures at the moments of the action; sheets: figures, files, captions.
+    """
+
+    moments: list[Image]
+    sheets: list[tuple[Figure, str, str]]
+
+
+def _video_sheets(
+    video: SheetVideo,
+    moments: Sequence[int | None],
+    model: Model,
+    of_body: tuple[Camera, GroundAlignment] | None,
+) -> _VideoSheets:
+    """of_body: the video's camera and the ground, where its body gets a sheet."""
+    name = video.keypoints.id
+    frames = [int(t) for t in spread(len(video.keypoints.frames))]
+    cells, cuts = read_cells(video, sorted({*frames, *(t for t in moments if t is not None)}))
+    figure = video_sheet(video, model, frames, cells, cuts)
+    caption = f"{name}: detections, monocular and final body."
+    sheets = [(figure, f"overlay_{name}.jpg", caption)]
+    if of_body is not None:
+        pictures = cells
+        if video.file is None:
+            pictures = detected_cells(video, frames, cells, cuts)
+        figure = body_sheet(video, *of_body, model, frames, pictures)
+        sheets.append((figure, f"body_{name}.jpg", CAPTION.format(video=name)))
+    return _VideoSheets(moment_cells(video, moments, cells, cuts), sheets)
+
+
+def _written(folder: Path, figure: Figure, name: str, caption: str) -> Picture:
+    save(figure, folder / name)
+    return Picture(name, caption)
+
+
+def _joint_errors(results: Sequence[StageResult], truth: Truth | None) -> Figure | None:
+    errors = {result.name: joint_errors_mm(result, truth, EVAL_12) for result in results}
+    scored = {name: error for name, error in errors.items() if error is not None}
+    return joint_error_figure(EVAL_12, scored) if scored else None
+
+
+def _rounds(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Figure | None:
+    if len(refined.rounds) < 2:
+        return None
+    scored = {
+        title: [error[metric] for error in errors]
+        for metric, title in ROUND_ERRORS.items()
+        if all(metric in error for error in errors)
+    }
+    costs = [r.cost for r in refined.rounds]
+    changes = [r.sync_change_frames for r in refined.rounds]
+    return rounds_figure(costs, changes, scored, refined.best)

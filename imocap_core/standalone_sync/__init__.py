@@ -1,1 +1,0 @@
-"""`imocap sync`: synchronisation alone, and long clips cut into repetitions."""

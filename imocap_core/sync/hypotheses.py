@@ -1,0 +1,443 @@
+"""Joint choice of one monocular motion for each video, among several hypotheses.
+
+Pairwise agreement of hypotheses: one rotation and one warp must explain both videos' keypoints.
+
+Under the rotation from video a to video b, a's motion is projected onto b's keypoints, and, under
+its inverse, b's motion onto a's. Each direction by itself is blind to depth: reversed in a, it is
+made good by a rotation the other way. Both together under one rotation are not, unless the two
+videos look along one line. Keypoints are the evidence, so a wrong motion cannot vouch for another
+beyond what the pictures show.
+
+Joint choice of one hypothesis for each video: the labelling of least energy, exactly.
+
+Every video has a cost of each of its hypotheses by itself, every pair of videos one of each pair of
+theirs. Labellings are extended video by video; those that cannot come near a solution in hand,
+whatever the remaining videos contribute, are dropped (branch and bound).
+
+Which motion of each video agrees with the other videos, chosen for all videos at once.
+
+The energy of a choice is the mean residual of every video with the others (`agreement`), what each
+chosen motion explains its own video worse, and a fixed cost of leaving the motion that does so
+best. So the first motions stay unless others agree clearly better.
+
+Frames in which a detector took left for right, told by the other videos before any is solved.
+
+One view cannot tell sides that are swapped for a while from a performer who faces the other way,
+and a fit to them is wrong in every frame. Held against another video's motion (`registration`),
+each frame's keypoints are as detected, or swapped above the hips, in the legs, or in both,
+whichever that explains best, and the cheapest sequence of these states is the estimate (Viterbi).
+Sides that seem swapped for most of a video are left: that is what a mirrored one looks like.
+
+The joint choice in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+from scipy.spatial.transform import Rotation
+
+from imocap_core.conventions import mirror_indices
+from imocap_core.sequences import cheapest_states
+from imocap_core.sync.screening.registration import (
+    Keypoints2D,
+    camera_directions,
+    pose_residuals,
+    residual_share,
+    warp_costs,
+    warp_path,
+)
+from imocap_core.workers import at_once
+
+DIRECTIONS = 96
+STEPS_DEG = (8.0, 4.0, 2.0)  # of the rotation's refinement
+TURNS = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+@dataclass(frozen=True)
+class Hypothesis3D:
+    """A motion of one video, in the axes of its own camera (y down), and keypoints of its joints at
+    the same frames: as detected, or with the sides swapped that the motion says are."""
+
+    motion: Float[np.ndarray, "T J 3"]
+    keypoints: Keypoints2D
+
+    def every(self, n: int) -> Hypothesis3D:
+        """Every n-th frame."""
+        return self.at(np.arange(0, len(self.motion), n))
+
+    def at(self, frames: Int[np.ndarray, " N"]) -> Hypothesis3D:
+        """Some frames, in any order."""
+        k = self.keypoints
+        return Hypothesis3D(self.motion[frames], Keypoints2D(k.xy_px[frames], k.weight[frames]))
+
+
+def pair_costs(
+    a: Sequence[Hypothesis3D], b: Sequence[Hypothesis3D]
+) -> Float[np.ndarray, "K_a K_b"]:
+    """Mean residual of both videos' keypoints for each pair of hypotheses, 0 to 1."""
+    forth = camera_directions(DIRECTIONS)
+    R_b_from_a = np.concatenate([forth, np.cross(forth[:, :1], forth[:, 1:])], axis=1)
+    back = R_b_from_a.transpose(0, 2, 1)[:, :2]
+    frames = np.arange(len(b[0].motion))
+    costs = np.zeros((len(a), len(b)))
+    residuals: dict[tuple[int, int, int], np.ndarray] = {}
+
+    def onto(of: Hypothesis3D, other: Hypothesis3D, axes: np.ndarray) -> np.ndarray:
+        """(D, T_other, T_of); hypotheses of one video mostly share their keypoints."""
+        key = (id(of.motion), id(other.keypoints), id(axes))
+        if key not in residuals:
+            residuals[key] = pose_residuals(of.motion, other.keypoints, axes)
+        return residuals[key]
+
+    for i, j in np.ndindex(costs.shape):
+        both = 0.5 * (onto(a[i], b[j], forth) + onto(b[j], a[i], back).transpose(0, 2, 1))
+        totals = warp_costs(both)
+        best = int(totals.argmin())
+        path = warp_path(both[best])
+        steps = float(totals[best] - both[best][frames, path].sum())
+        costs[i, j] = refined_residual(R_b_from_a[best], a[i].at(path), b[j]) + steps / len(frames)
+    return costs
+
+
+def refined_residual(
+    R_b_from_a: Float[np.ndarray, "3 3"], a: Hypothesis3D, b: Hypothesis3D
+) -> float:
+    """Mean residual of two videos' matched frames at a local minimum of the rotation."""
+
+    def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
+        forth = _matched_residuals(a.motion, b.keypoints, R)
+        return 0.5 * (forth + _matched_residuals(b.motion, a.keypoints, R.transpose(0, 2, 1)))
+
+    R, residual = R_b_from_a, float(residuals(R_b_from_a[None])[0])
+    for step_deg in STEPS_DEG:
+        turns = Rotation.from_rotvec(TURNS * np.deg2rad(step_deg)).as_matrix()
+        while True:
+            near = residuals(turns @ R)
+            if near.min() >= residual:
+                break
+            R, residual = turns[near.argmin()] @ R, float(near.min())
+    return residual
+
+
+def _matched_residuals(
+    motion: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D, R: Float[np.ndarray, "D 3 3"]
+) -> Float[np.ndarray, " D"]:
+    """Mean over the frames of what each rotated pose leaves of its own frame's keypoints."""
+    share = keypoints.weight / np.maximum(keypoints.weight.sum(1, keepdims=True), 1e-12)
+    given = np.where(keypoints.weight[..., None] > 0, keypoints.xy_px, 0.0)
+    x, p = (q - np.einsum("tk,tki->ti", share, q)[:, None] for q in (given, motion))
+    cross = np.einsum("tk,tki,tkj->ijt", share, x, p).reshape(6, -1)
+    moment = np.einsum("tk,tki,tkj->ijt", share, p, p).reshape(9, -1)
+    axes = R[:, :2]
+    product = axes.reshape(-1, 6) @ cross
+    spread = np.einsum("dai,daj->dij", axes, axes).reshape(-1, 9) @ moment
+    size = np.einsum("tk,tki->t", share, x**2)
+    return residual_share(product, spread, size).mean(axis=1)
+
+
+MOST_PARTIAL = 200_000  # labellings at once; beyond it the cheapest, and the choice is approximate
+
+
+@dataclass(frozen=True)
+class Labelling:
+    """One hypothesis of each video, and the energy; videos in their order."""
+
+    labels: tuple[int, ...]
+    energy: float
+
+
+def best_labellings(
+    unary: Sequence[Float[np.ndarray, " _"]],
+    pairs: Mapping[tuple[int, int], Float[np.ndarray, "_ _"]],
+    *,
+    margin: float,
+) -> list[Labelling]:
+    """The labelling of least energy, then all whose energy is less than ``margin`` above it.
+
+    Args:
+        unary: per video, of each hypothesis; pairs: per (u, v) with u < v, of each pair.
+    """
+    count = len(unary)
+    limit = _descended(unary, pairs).energy + margin
+    labels, energy = np.zeros((1, 0), dtype=int), np.zeros(1)
+    for v in range(count):
+        step = _conditional(v, unary, pairs, labels)
+        options = np.arange(step.shape[1])
+        labels = np.concatenate(
+            [np.repeat(labels, len(options), axis=0), np.tile(options, len(labels))[:, None]],
+            axis=1,
+        )
+        energy = (energy[:, None] + step).ravel()
+        bound = energy + _remaining(v + 1, unary, pairs, labels)
+        order = np.argsort(bound, kind="stable")[:MOST_PARTIAL]
+        order = order[bound[order] <= limit + 1e-9]
+        labels, energy = labels[order], energy[order]
+    order = np.argsort(energy, kind="stable")
+    near = [k for k in order if energy[k] <= energy[order[0]] + margin]
+    return [Labelling(tuple(int(x) for x in labels[k]), float(energy[k])) for k in near]
+
+
+def energy_of(
+    labels: Sequence[int],
+    unary: Sequence[Float[np.ndarray, " _"]],
+    pairs: Mapping[tuple[int, int], Float[np.ndarray, "_ _"]],
+) -> float:
+    """Sum of the costs of single videos and of pairs."""
+    single = sum(float(cost[label]) for cost, label in zip(unary, labels, strict=True))
+    return single + sum(float(cost[labels[u], labels[v]]) for (u, v), cost in pairs.items())
+
+
+def _descended(
+    unary: Sequence[np.ndarray], pairs: Mapping[tuple[int, int], np.ndarray]
+) -> Labelling:
+    """A local minimum: from the first hypotheses, one video at a time while that helps."""
+    labels = [0] * len(unary)
+    best = energy_of(labels, unary, pairs)
+    while True:
+        changes = [
+            (energy_of([*labels[:v], k, *labels[v + 1 :]], unary, pairs), v, k)
+            for v in range(len(unary))
+            for k in range(len(unary[v]))
+        ]
+        energy, v, k = min(changes)
+        if energy >= best:
+            return Labelling(tuple(labels), best)
+        labels[v], best = k, energy
+
+
+def _conditional(
+    v: int,
+    unary: Sequence[np.ndarray],
+    pairs: Mapping[tuple[int, int], np.ndarray],
+    labels: Int[np.ndarray, "n k"],
+) -> Float[np.ndarray, "n K_v"]:
+    """What each hypothesis of video v adds to labellings of the first k videos (k <= v)."""
+    added = np.tile(unary[v], (len(labels), 1))
+    for u in range(labels.shape[1]):
+        added = added + pairs[u, v][labels[:, u]]
+    return added
+
+
+def _remaining(
+    begin: int,
+    unary: Sequence[np.ndarray],
+    pairs: Mapping[tuple[int, int], np.ndarray],
+    labels: Int[np.ndarray, "n k"],
+) -> Float[np.ndarray, " n"]:
+    """The least that videos from ``begin`` on can add to labellings of those before."""
+    count = len(unary)
+    bound = np.zeros(len(labels))
+    for v in range(begin, count):
+        bound = bound + _conditional(v, unary, pairs, labels).min(axis=1)
+        bound = bound + sum(float(pairs[u, v].min()) for u in range(begin, v))
+    return bound
+
+
+RATE_PER_S = 15.0  # of frames that are compared
+MOST_FRAMES = 80  # of the longest video
+CHANGE = 0.01  # of taking another motion than the first, in shares of the keypoints' spread
+PER_COST, LARGEST_EXCESS = 0.0005, 0.03  # of what it explains its own video worse
+TIE = 0.005  # energies nearer to each other than that are not told apart
+
+
+@dataclass(frozen=True)
+class CandidateMotions:
+    """The motions that may explain one video.
+
+    Attributes:
+        hypotheses: the likeliest first.
+        excess: objective a frame of each, above the first's.
+        suggested: whether the other videos suggested it (`swapped`): taking it costs nothing.
+    """
+
+    hypotheses: Sequence[Hypothesis3D]
+    excess: Float[np.ndarray, " K"]
+    fps: float
+    suggested: Bool[np.ndarray, " K"] | None = None
+
+
+@dataclass(frozen=True)
+class JointChoice:
+    """The motion chosen for each video.
+
+    Attributes:
+        labels: index of the chosen motion of each video.
+        rivals: per video, other motions that are part of a joint choice as good.
+    """
+
+    labels: tuple[int, ...]
+    rivals: list[tuple[int, ...]]
+
+
+def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
+    """The joint choice of least energy, and the choices that are no worse by `TIE`."""
+    if len(videos) < 2 or all(len(v.hypotheses) == 1 for v in videos):
+        return JointChoice((0,) * len(videos), [() for _ in videos])
+    thin = thinned_candidates(videos)
+    share = 1.0 / (len(videos) - 1)
+    edges = list(combinations(range(len(videos)), 2))
+    costs = at_once(lambda e: pair_costs(thin[e[0]].hypotheses, thin[e[1]].hypotheses), edges)
+    pairs = {edge: share * cost for edge, cost in zip(edges, costs, strict=True)}
+    best, *others = best_labellings([_unary(v) for v in videos], pairs, margin=TIE)
+    rivals = [
+        tuple(sorted({o.labels[v] for o in others} - {label}))
+        for v, label in enumerate(best.labels)
+    ]
+    return JointChoice(best.labels, rivals)
+
+
+def thinned_candidates(videos: Sequence[CandidateMotions]) -> list[CandidateMotions]:
+    """The same at one frame rate, so that a step of one video is about a step of every other."""
+    return [
+        replace(v, hypotheses=_every(v.hypotheses, n), fps=v.fps / n)
+        for v, n in zip(videos, strides(videos), strict=True)
+    ]
+
+
+def strides(videos: Sequence[CandidateMotions]) -> list[int]:
+    """Frames from one that is compared to the next, of each video."""
+    longest_s = max(len(v.hypotheses[0].motion) / v.fps for v in videos)
+    rate = min(RATE_PER_S, MOST_FRAMES / longest_s)
+    return [max(1, round(v.fps / rate)) for v in videos]
+
+
+def _every(hypotheses: Sequence[Hypothesis3D], n: int) -> list[Hypothesis3D]:
+    """Every n-th frame; keypoints that are shared stay shared."""
+    thin = {id(h.keypoints): h.every(n).keypoints for h in hypotheses}
+    return [Hypothesis3D(h.motion[::n], thin[id(h.keypoints)]) for h in hypotheses]
+
+
+def _unary(video: CandidateMotions) -> Float[np.ndarray, " K"]:
+    """Cost of each motion by itself."""
+    worse = np.clip(PER_COST * video.excess, -LARGEST_EXCESS, LARGEST_EXCESS)
+    suggested = np.zeros(len(worse), dtype=bool) if video.suggested is None else video.suggested
+    return np.where(np.arange(len(worse)) > 0, worse + CHANGE * ~suggested, 0.0)
+
+
+STATES = 4
+LEGS = ("hip", "knee", "ankle", "foot", "toe", "heel")  # parts of their keypoints' names
+SWAPPED, CHANGE_OF_SIDES = 0.1, 0.5  # of a frame, of a change of state, in shares of the spread
+LEAST_GAIN = 0.05  # mean of all frames, from which the sides are taken to be swapped
+LARGEST_SHARE = 0.5  # of a video's frames
+CLOSEST = 2  # other videos that are asked: those whose motions explain the keypoints best
+
+
+def swapped_by_others(
+    videos: Sequence[CandidateMotions], names: Sequence[str]
+) -> list[Int[np.ndarray, " _"]]:
+    """Per video, the state of each frame by the other videos' first motions: what is swapped.
+
+    0 nothing, 1 all above the hips, 2 the legs, 3 both. Nothing of fewer than three videos: one
+    other may be the one that is wrong.
+
+    Args:
+        names: of the joints.
+    """
+    steps = strides(videos)
+    thin = [v.hypotheses[0].every(n) for v, n in zip(videos, steps, strict=True)]
+    out = []
+    for v, (film, n) in enumerate(zip(thin, steps, strict=True)):
+        others = [x.motion for u, x in enumerate(thin) if u != v]
+        states = np.zeros(len(film.motion), dtype=int)
+        if len(others) >= CLOSEST:
+            states = _swapped(film.keypoints, others, names)
+        out.append(np.repeat(states, n)[: len(videos[v].hypotheses[0].motion)])
+    return out
+
+
+def with_swapped_sides(
+    values: Shaped[np.ndarray, "T K *rest"], states: Int[np.ndarray, " T"], names: Sequence[str]
+) -> Shaped[np.ndarray, "T K *rest"]:
+    """Values of keypoints with left and right swapped as the states of `swapped_by_others`
+    say; names: of the keypoints."""
+    out, twins = values.copy(), np.array(mirror_indices(names))
+    legs = np.array([any(word in name for word in LEGS) for name in names])
+    for bit, columns in ((1, np.flatnonzero(~legs)), (2, np.flatnonzero(legs))):
+        frames = np.flatnonzero(states & bit)
+        out[np.ix_(frames, columns)] = values[np.ix_(frames, twins[columns])]
+    return out
+
+
+def swapped_keypoints(
+    keypoints: Keypoints2D, states: Int[np.ndarray, " T"], names: Sequence[str]
+) -> Keypoints2D:
+    """`with_swapped_sides` of keypoints."""
+    xy_px, weight = (
+        with_swapped_sides(x, states, names) for x in (keypoints.xy_px, keypoints.weight)
+    )
+    return Keypoints2D(xy_px, weight)
+
+
+def _swapped(
+    keypoints: Keypoints2D, others: Sequence[Float[np.ndarray, "_ J 3"]], names: Sequence[str]
+) -> Int[np.ndarray, " T"]:
+    frames = len(keypoints.weight)
+    films = [swapped_keypoints(keypoints, np.full(frames, k), names) for k in range(STATES)]
+    rows = sorted((_residuals(x, films) for x in others), key=lambda row: row[0])
+    residuals = np.mean([row[1] for row in rows[:CLOSEST]], axis=0)
+    costs = residuals + SWAPPED * (np.arange(STATES) > 0)
+    steps = CHANGE_OF_SIDES * (1.0 - np.eye(STATES)) + costs[1:, None]
+    states = cheapest_states(costs[0], steps)
+    gain = float((residuals[:, 0] - residuals[np.arange(frames), states]).mean())
+    enough = gain >= LEAST_GAIN and (states > 0).mean() <= LARGEST_SHARE
+    return states if enough else np.zeros_like(states)
+
+
+def _residuals(
+    motion: Float[np.ndarray, "N J 3"], films: Sequence[Keypoints2D]
+) -> tuple[float, Float[np.ndarray, "T S"]]:
+    """Cost of the best camera and warp, each frame in its best state, and the residuals of all."""
+    directions = camera_directions(DIRECTIONS)
+    residuals = [pose_residuals(motion, film, directions) for film in films]
+    penalised = [x + SWAPPED * (k > 0) for k, x in enumerate(residuals)]
+    better = np.minimum.reduce(penalised)
+    totals = warp_costs(better)
+    best = int(totals.argmin())
+    path, frames = warp_path(better[best]), np.arange(better.shape[1])
+    of_frames = np.stack([x[best][frames, path] for x in residuals], axis=1)
+    return float(totals[best]), of_frames
+
+
+MEANINGS = {
+    "best": "the likeliest one",
+    "depth": "the one with its depth reversed",
+    "facing": "the one that faces the other way",
+    "sides": "the one reflected in depth, left and right swapped",
+}
+SWAPPED_PREFIX = "swapped"  # begins the names of motions for which the detector took left for right
+
+
+def sentences(
+    choice: JointChoice, names: Sequence[str], motions: Sequence[Sequence[str]]
+) -> list[str]:
+    """One sentence per video with another motion than the first, or with an equal rival.
+
+    Args:
+        names: of the videos; motions: per video, the names of its motions.
+    """
+    messages = []
+    for v, label in enumerate(choice.labels):
+        if label > 0:
+            messages.append(
+                f"{names[v]} alone may show several motions: not the likeliest is used but "
+                f"{_meaning(motions[v][label])}, because it agrees better with the other videos"
+            )
+        rivals = dict.fromkeys(_meaning(motions[v][k]) for k in choice.rivals[v])
+        rivals.pop(_meaning(motions[v][label]), None)
+        if rivals:
+            messages.append(
+                f"{names[v]} may show several motions, and the videos do not decide between the "
+                f"one that is used and {', or '.join(rivals)}"
+            )
+    return messages
+
+
+def _meaning(name: str) -> str:
+    if name.startswith(SWAPPED_PREFIX):
+        return "one with left and right of its detections swapped for a while"
+    return MEANINGS.get(name, f"another fit ({name})")

@@ -1,1 +1,0 @@
-"""Joint choice of one monocular motion for each video, among several hypotheses."""

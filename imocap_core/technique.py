@@ -1,0 +1,339 @@
+"""Technique: what the performances of one action share, and how they differ (docs/technique.md).
+
+Performances of one action at the same phases, on one body, turned to one facing direction.
+
+The mean motion of several performances, and each performance's deviation from it.
+
+Consistency of repetitions: the coefficient of multiple correlation of gait analysis, squared.
+
+1 when all performances are equal, 0 when they are no more alike than unrelated moments of them.
+
+Modes of variation: principal components of the performances' deviations from their mean.
+
+The low-rank model of Eq. 4 with the mean removed.
+
+Difference of two mean motions on one phase axis, in units of the spread of repetitions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from scipy.spatial.transform import Rotation
+
+from imocap_core.rotations import exp, geodesic_angle, log, mean
+
+ROUNDS = 3  # alternations of mean and headings; the first nearly converges
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedPerformances:
+    """M performances at N moments; the world's y points up.
+
+    Attributes:
+        ids: names of the performances.
+        joint_names: the pelvis first.
+        phase_s: the moments.
+        R_local: rotations against the parent; joint 0 world from body.
+        joints: metres from the pelvis, of one and the same body for all.
+        inside: whether the performance shows that moment.
+
+    Raises:
+        ValueError: the shapes do not belong together; names every array that does not fit.
+    """
+
+    ids: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    phase_s: Float[np.ndarray, " N"]
+    R_local: Float[np.ndarray, "M N J 3 3"]
+    joints: Float[np.ndarray, "M N J 3"]
+    inside: Bool[np.ndarray, "M N"]
+
+    def __post_init__(self) -> None:
+        M, N, J = len(self.ids), len(self.phase_s), len(self.joint_names)
+        expected: dict[str, tuple[int, ...]] = {
+            "R_local": (M, N, J, 3, 3),
+            "joints": (M, N, J, 3),
+            "inside": (M, N),
+        }
+        wrong = [
+            f"{name}: expected {shape}, got {getattr(self, name).shape}"
+            for name, shape in expected.items()
+            if getattr(self, name).shape != shape
+        ]
+        if wrong:
+            raise ValueError("performances: " + "; ".join(wrong))
+
+    @property
+    def shown(self) -> Int[np.ndarray, " N"]:
+        """How many performances show each moment."""
+        return self.inside.sum(0)
+
+
+def at_moments(
+    performances: AlignedPerformances, chosen: Bool[np.ndarray, " N"]
+) -> AlignedPerformances:
+    """The same at the chosen moments."""
+    return replace(
+        performances,
+        phase_s=performances.phase_s[chosen],
+        R_local=performances.R_local[:, chosen],
+        joints=performances.joints[:, chosen],
+        inside=performances.inside[:, chosen],
+    )
+
+
+def facing_alike(performances: AlignedPerformances) -> AlignedPerformances:
+    """Each performance turned about the vertical by one angle for all moments, onto the mean.
+
+    The facing direction is no technique; how a performance turns in its course is preserved.
+    """
+    joints, weight = performances.joints, performances.inside.astype(np.float64)
+    headings = np.zeros(len(performances.ids))
+    for _ in range(ROUNDS):
+        turned = np.einsum("mab,mnjb->mnja", _about_y(headings), joints)
+        mean = mean_over(turned, weight)
+        headings = headings + np.array(
+            [heading(x, mean, w) for x, w in zip(turned, weight, strict=True)]
+        )
+    return turned_by(performances, headings)
+
+
+def to_the_front(performances: AlignedPerformances) -> AlignedPerformances:
+    """All performances turned about the vertical by one angle, to face +z on average.
+
+    By the pelvis's axis to the left, which stays level in a forward bend.
+    """
+    left = (performances.inside[..., None] * performances.R_local[:, :, 0, :, 0]).sum((0, 1))
+    angle = float(np.arctan2(left[2], left[0]))
+    return turned_by(performances, np.full(len(performances.ids), angle))
+
+
+def turned_by(
+    performances: AlignedPerformances, headings: Float[np.ndarray, " M"]
+) -> AlignedPerformances:
+    """Every performance turned about the vertical by its angle, radians."""
+    turns = _about_y(headings)
+    R_local = performances.R_local.copy()
+    R_local[:, :, 0] = turns[:, None] @ performances.R_local[:, :, 0]
+    joints = np.einsum("mab,mnjb->mnja", turns, performances.joints)
+    return replace(performances, R_local=R_local, joints=joints)
+
+
+def heading(
+    joints: Float[np.ndarray, "N J 3"],
+    onto: Float[np.ndarray, "N J 3"],
+    weight: Float[np.ndarray, " N"],
+) -> float:
+    """The angle about y, radians, that best aligns joints with others (least squares)."""
+    w = weight[:, None]
+    along = (w * (joints[..., 0] * onto[..., 0] + joints[..., 2] * onto[..., 2])).sum()
+    aside = (w * (joints[..., 2] * onto[..., 0] - joints[..., 0] * onto[..., 2])).sum()
+    return float(np.arctan2(aside, along))
+
+
+def mean_over(
+    values: Float[np.ndarray, "M N *rest"], weight: Float[np.ndarray, "M N"]
+) -> Float[np.ndarray, "N *rest"]:
+    """Weighted mean over the first axis; 0 where all weights are 0."""
+    share = weight / np.maximum(weight.sum(0), 1e-12)
+    return np.einsum("mn,mn...->n...", share, values)
+
+
+def _about_y(angles: np.ndarray) -> np.ndarray:
+    """Rotations (M, 3, 3) about the vertical by angles (M,), radians."""
+    return Rotation.from_euler("y", angles[:, None]).as_matrix().reshape(-1, 3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanMotion:
+    """The mean of M performances at N moments, and the deviations from it.
+
+    Attributes:
+        R_local: chordal mean of every joint's rotation.
+        joints: mean position from the pelvis, metres.
+        turns: rotation vectors from the mean to each performance, in the joint's own axes, radians;
+            0 where a performance does not show the moment.
+        shifts: from the mean position to each performance's, metres; 0 likewise.
+    """
+
+    R_local: Float[np.ndarray, "N J 3 3"]
+    joints: Float[np.ndarray, "N J 3"]
+    turns: Float[np.ndarray, "M N J 3"]
+    shifts: Float[np.ndarray, "M N J 3"]
+
+
+def mean_motion(performances: AlignedPerformances) -> MeanMotion:
+    """Mean over the performances that show a moment."""
+    R = torch.as_tensor(performances.R_local)
+    weight = performances.inside.astype(np.float64)
+    mean_R = mean(R, torch.as_tensor(weight)[..., None])
+    joints = mean_over(performances.joints, weight)
+    shown = weight[..., None, None]
+    turns = log(mean_R.transpose(-1, -2) @ R).numpy() * shown
+    return MeanMotion(mean_R.numpy(), joints, turns, (performances.joints - joints) * shown)
+
+
+def spread(
+    deviations: Float[np.ndarray, "M N J 3"], inside: Bool[np.ndarray, "M N"]
+) -> Float[np.ndarray, "N J"]:
+    """Standard deviation over the performances, from their deviations from the mean.
+
+    With n - 1 degrees of freedom; NaN where fewer than two performances show the moment.
+    """
+    squares = (deviations**2).sum(-1) * inside[..., None]
+    free = inside.sum(0) - 1.0
+    safe = np.where(free > 0, free, 1.0)[:, None]
+    return np.where(free[:, None] > 0, np.sqrt(squares.sum(0) / safe), np.nan)
+
+
+def over_moments(spread_: Float[np.ndarray, "N J"]) -> Float[np.ndarray, " J"]:
+    """Root mean square of a spread over the moments; NaN moments are left out."""
+    valid = np.isfinite(spread_)
+    total = np.where(valid, spread_, 0.0) ** 2
+    count = valid.sum(0)
+    return np.where(count > 0, np.sqrt(total.sum(0) / np.maximum(count, 1)), np.nan)
+
+
+LEAST_MOTION = 0.01  # of the standard deviation of the joint that moves most: less is no motion
+
+
+def consistency(
+    positions: Float[np.ndarray, "M N J 3"], inside: Bool[np.ndarray, "M N"]
+) -> tuple[Float[np.ndarray, " J"], float]:
+    """Adjusted coefficient of determination of the moment, for every joint and for all together.
+
+    ``1 - [sum (x - mean_t)^2 / sum (n_t - 1)] / [sum (x - mean)^2 / (sum n_t - 1)]``, sums over the
+    moments t that at least two performances show and over the n_t performances that do; what
+    Kadaba et al. (J. Orthop. Res. 1989) call the squared adjusted coefficient of multiple
+    correlation, for positions in space. Below 0 counts as 0.
+
+    Args:
+        positions: of the joints, any unit.
+        inside: whether a performance shows a moment.
+
+    Returns:
+        One number a joint, NaN for one that hardly moves (the pelvis relative to itself), and one
+        number for all joints together, their squares summed.
+
+    Raises:
+        ValueError: no moment is shown by two performances.
+    """
+    inside = inside & (inside.sum(0) >= 2)
+    count = inside.sum(0)
+    if not count.any():
+        raise ValueError("inside: expected a moment that two performances show, got none")
+    weight = inside[..., None, None].astype(np.float64)
+    mean_of_moment = (weight * positions).sum(0) / np.maximum(count, 1)[:, None, None]
+    mean_of_all = (weight * positions).sum((0, 1)) / count.sum()
+    degrees_of_freedom = (count - 1)[count > 0].sum()
+    within = (weight * (positions - mean_of_moment) ** 2).sum((0, 1, 3)) / degrees_of_freedom
+    total = (weight * (positions - mean_of_all) ** 2).sum((0, 1, 3)) / (count.sum() - 1)
+    moves = total > LEAST_MOTION**2 * max(float(total.max()), 1e-300)
+    share = np.where(moves, within / np.where(moves, total, 1.0), np.nan)
+    whole = float(within.sum() / total.sum()) if moves.any() else np.nan
+    return np.maximum(1.0 - share, 0.0), max(1.0 - whole, 0.0)
+
+
+ROUND_OFF = 1e-9  # singular values below this share of the largest are round-off
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """K modes of variation, the strongest first.
+
+    Performance m is the mean motion turned by ``sum_k scores[m, k] * shapes[k]``.
+
+    Attributes:
+        share: of the performances' summed squared deviation; they sum to 1.
+        scores: degrees, root mean square over all joints and moments; they sum to 0 over the
+            performances.
+        shapes: rotation vectors per degree of score; their mean square over joints and moments is
+            1 degree.
+    """
+
+    share: Float[np.ndarray, " K"]
+    scores: Float[np.ndarray, "M K"]
+    shapes: Float[np.ndarray, "K N J 3"]
+
+    def of_joints(self) -> Float[np.ndarray, "K J"]:
+        """Size of each mode in each joint at one standard deviation, degrees, root mean square
+        over the moments."""
+        size = np.sqrt((self.shapes**2).sum(-1).mean(1))
+        return np.rad2deg(size) * self.deviations()[:, None]
+
+    def deviations(self) -> Float[np.ndarray, " K"]:
+        """Standard deviation of the scores, degrees."""
+        return np.sqrt((self.scores**2).sum(0) / max(len(self.scores) - 1, 1))
+
+
+def modes(turns: Float[np.ndarray, "M N J 3"]) -> Modes:
+    """Principal components over the performances of their deviations, radians; at most M - 1.
+
+    Moments that a performance does not show are 0, like the mean.
+    """
+    M, N, J, _ = turns.shape
+    rows = turns.reshape(M, -1)
+    rows = rows - rows.mean(0)
+    U, sigma, Vh = np.linalg.svd(rows, full_matrices=False)
+    chosen = np.flatnonzero(sigma > ROUND_OFF * max(float(sigma.max(initial=0.0)), 1e-12))[: M - 1]
+    size = np.sqrt(N * J)
+    scores = np.rad2deg(U[:, chosen] * sigma[chosen] / size)
+    shapes = np.deg2rad(Vh[chosen].reshape(-1, N, J, 3) * size)
+    for k in range(len(chosen)):  # the sign is free: the largest score is positive
+        if scores[np.abs(scores[:, k]).argmax(), k] < 0:
+            scores[:, k], shapes[k] = -scores[:, k], -shapes[k]
+    squares = sigma[chosen] ** 2
+    return Modes(squares / max(float(squares.sum()), 1e-300), scores, shapes)
+
+
+def along_mode(
+    R_local: Float[np.ndarray, "N J 3 3"], shape: Float[np.ndarray, "N J 3"], amount_deg: float
+) -> Float[np.ndarray, "N J 3 3"]:
+    """The mean motion displaced along a mode's shape."""
+    return np.asarray(R_local @ exp(torch.as_tensor(amount_deg * shape)).numpy())
+
+
+LEAST_M = 1e-3  # a spread below it counts as this much
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """Difference of two mean motions at N moments.
+
+    Attributes:
+        angle_deg: between the joints' rotations.
+        distance_mm: between their positions from the pelvis.
+        ratio: of that distance to the repetitions' own spread.
+    """
+
+    angle_deg: Float[np.ndarray, "N J"]
+    distance_mm: Float[np.ndarray, "N J"]
+    ratio: Float[np.ndarray, "N J"]
+
+
+def difference(
+    R_first: Float[np.ndarray, "N J 3 3"],
+    R_second: Float[np.ndarray, "N J 3 3"],
+    positions_first: Float[np.ndarray, "N J 3"],
+    positions_second: Float[np.ndarray, "N J 3"],
+    spread_first: Float[np.ndarray, "N J"],
+    spread_second: Float[np.ndarray, "N J"],
+) -> Difference:
+    """Compare the mean motions of two performers, facing one way, on one body.
+
+    Positions and spreads in metres. spread_*: standard deviation of each performer's repetitions,
+    NaN where unknown. The ratio is to the root mean square of the two (of one, where the other is
+    unknown), at least 1 mm; NaN where both are unknown.
+    """
+    angle = geodesic_angle(torch.as_tensor(R_first), torch.as_tensor(R_second)).numpy()
+    distance = np.linalg.norm(positions_second - positions_first, axis=-1)
+    squares = np.stack([spread_first, spread_second]) ** 2
+    valid = np.isfinite(squares)
+    count = valid.sum(0)
+    pooled = np.sqrt(np.where(valid, squares, 0.0).sum(0) / np.maximum(count, 1))
+    ratio = np.where(count > 0, distance / np.maximum(pooled, LEAST_M), np.nan)
+    return Difference(np.rad2deg(angle), 1000 * distance, ratio)
