@@ -19,7 +19,7 @@ from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.report.table_files import PAGE, TEXT
 
-MADE_BY = ("report/page_figures.py", "report/page.py", "verdict/action_verdict.py")
+MADE_BY = ("report/write_page.py", "report/page.py", "diagnostics/action_verdict.py")
 BESIDE = ("viewer.html", "compare/report.html", "compare/report.md", "observability.md")
 NEEDED = {
     "keypoints": "Keypoints",
