@@ -29,11 +29,7 @@ from threading import Event, Thread
 from typing import Any, Literal
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer
 
-from bottle import (
-    Bottle,  # type: ignore[import-untyped]
-    HTTPResponse,  # type: ignore[import-untyped]
-    request,  # type: ignore[import-untyped]
-)
+from bottle import Bottle, HTTPResponse, request  # type: ignore[import-untyped]
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from imocap_core.errors import ImocapError, WorkFailed, program_fault, system_fault

@@ -96,5 +96,5 @@ def test_a_second_look_depends_on_the_code_that_looks() -> None:
     depends = closure(PROJECT / "stages" / "redetect.py")
     workers = "imocap_core.detect.workers"
     beside = {f"{workers}.{name}" for name in ("blazepose_again", "blazepose_pose", "exchange")}
-    inside = {f"{workers}.blazepose.{n}" for n in ("known_place", "landmarks", "movenet", "both")}
+    inside = {f"{workers}.blazepose.{n}" for n in ("looks", "landmarks", "movenet")}
     assert beside | inside <= set(depends)
