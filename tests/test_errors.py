@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.artifacts.schemas.base import is_portable
 from imocap_core.errors import WorkFailed, WrongUse, system_fault
 from imocap_core.files import write_whole
+from imocap_core.identifiers import is_portable
 from imocap_core.pipeline.action import action_of
 
 

@@ -18,9 +18,9 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from imocap_core.artifacts.schemas.base import is_portable
 from imocap_core.errors import WorkFailed
 from imocap_core.files import peoples_files, record_made
+from imocap_core.identifiers import is_portable
 
 
 def refuse_links(store: Path, *inside: str) -> None:

@@ -21,12 +21,12 @@ import yaml
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict
 
-from imocap_core.artifacts.schemas.base import Id
 from imocap_core.collect.films import ShotTrack
 from imocap_core.collect.matching import Match
 from imocap_core.collect.shots import Shot
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.files import write_whole
+from imocap_core.identifiers import Id
 from imocap_core.params import CollectParams
 from imocap_core.pipeline.action import DETECT
 from imocap_core.pipeline.action import FILE_NAME as ACTION_FILE

@@ -17,16 +17,6 @@ from jaxtyping import Float, Int, Shaped
 
 from imocap_core.limits import must_unpack_to_little
 
-CALIBRATION = "calibration.npz"
-REFERENCE = "trc_reference.npz"
-FILES = (CALIBRATION, REFERENCE)
-
-
-def has_pose2sim_truth(folder: Path) -> bool:
-    """Whether an action's folder has both files."""
-    return all((folder / name).is_file() for name in FILES)
-
-
 # RuntimeError: raised by zipfile for encrypted files and for unknown kinds of compression.
 _UNREADABLE = (
     *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),

@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
-from imocap_core.io.npz import CALIBRATION, REFERENCE, load_arrays, names, numbers, rows_for_frames
+from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
+from imocap_core.io.pose2sim_files import CALIBRATION, REFERENCE
 
 
 @dataclass(frozen=True)

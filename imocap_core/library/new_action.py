@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from imocap_core.artifacts.schemas.base import NAME
 from imocap_core.errors import WrongUse
 from imocap_core.files import write_whole
+from imocap_core.identifiers import NAME
 from imocap_core.library.api_errors import Params, Progress, displaying, one_off, plain_errors
 from imocap_core.pipeline.action import (
     DETECT,

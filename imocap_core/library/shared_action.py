@@ -25,9 +25,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from imocap_core.artifacts.file_memory import files_below
-from imocap_core.artifacts.schemas.base import Id, is_portable
 from imocap_core.artifacts.shared_store import SharedFiles
 from imocap_core.errors import WorkFailed
+from imocap_core.identifiers import Id, is_portable
 from imocap_core.limits import (
     MAX_FOLDER_BYTES,
     MAX_FOLDER_FILES,

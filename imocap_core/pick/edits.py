@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from imocap_core.artifacts.schemas.base import Id
+from imocap_core.identifiers import Id
 from imocap_core.limits import LAST_FRAME
 from imocap_core.pipeline.action import DETECT, Person
 

@@ -30,9 +30,9 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from imocap_core.artifacts.schemas.base import NAME, Id
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.io.npz import FILES, has_pose2sim_truth
+from imocap_core.identifiers import NAME, Id
+from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
 from imocap_core.limits import LAST_FRAME, MAX_DISTORTION, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import content_digest

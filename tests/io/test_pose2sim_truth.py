@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.io.npz import has_pose2sim_truth
+from imocap_core.io.pose2sim_files import has_pose2sim_truth
 from imocap_core.io.truth import project_name, read_pose2sim_truth
 from imocap_core.pipeline.action import Action
 

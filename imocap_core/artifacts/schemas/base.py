@@ -14,34 +14,20 @@ and every field of one value must agree about `T` and `K`. Numbers are exact, a 
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
-
-NAME = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
-Id = Annotated[str, Field(pattern=f"^{NAME}$")]
-_RESERVED = re.compile(r"con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³]", re.IGNORECASE)
-
-
-def is_portable(part: str) -> bool:
-    """Whether every system takes a part of a path: Windows reserves names of devices, with any
-    ending, and drops spaces and dots at an end."""
-    device = _RESERVED.fullmatch(part.partition(".")[0].rstrip(" "))
-    return device is None and not part.endswith((" ", "."))
-
 
 Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]

@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Bool, Int
 from pydantic import Field, model_validator
 
-from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Id, Ints, Shape, Value
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
+from imocap_core.identifiers import Id
 
 
 class VideoMotion(Value):

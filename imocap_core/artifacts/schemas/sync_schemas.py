@@ -17,7 +17,6 @@ from imocap_core.artifacts.schemas.base import (
     Artifact,
     Floats,
     Floats32,
-    Id,
     Ints,
     Ints16,
     Shape,
@@ -25,6 +24,7 @@ from imocap_core.artifacts.schemas.base import (
     unique,
 )
 from imocap_core.artifacts.schemas.motion_schemas import SmplBa
+from imocap_core.identifiers import Id
 
 
 class SyncMap(Value):

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float, Real
 from pydantic import Field, model_validator
 
-from imocap_core.artifacts.schemas.base import Artifact, Floats, Id, Ints, Shape, Value, unique
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value, unique
+from imocap_core.identifiers import Id
 
 
 class HandKeypoints(Value):
