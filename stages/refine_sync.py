@@ -169,7 +169,7 @@ def _in_turn(
 
     loop = alternate(
         begun.single_pass,
-        partial(inputs.get, Sync),
+        partial(loop_sync.first_of, begun) if begun.moved else partial(inputs.get, Sync),
         synchronise,
         recover,
         outline=summary_of,
@@ -180,6 +180,8 @@ def _in_turn(
         least_rounds=int(begun.moved or is_changed(inputs.get(Redetect))),
         finish=finish,
     )
+    if begun.moved and loop.best == 0:  # its videos or axis are others than the single pass has
+        loop = replace(loop, rounds=[single_pass, *loop.rounds], best=1)
     return replace(loop, rounds=[single_pass, *loop.rounds[1:]]), begun.problem
 
 

@@ -208,6 +208,11 @@ class LoopSync:
         problem, motion = problem.on_axis_of(first, single_pass.motion)
         return LoopBeginning(problem, replace(single_pass, sync=first, motion=motion), True), None
 
+    def first_of(self, begun: LoopBeginning) -> Sync:
+        """The correspondences that the loop begins with, as a whole."""
+        first = begun.single_pass.sync
+        return self._of_monocular_motions(first, first.reference)
+
     def of_motion(self, begun: LoopBeginning, motion: JointMotion) -> Sync:
         """The correspondences of a motion, with the loop's videos and on its axis."""
         first = begun.single_pass.sync
