@@ -315,6 +315,18 @@ def run(
     return Result.of_stages(done.job.action, stored, motion_stage)
 
 
+def _job_in_parts(
+    workspace: Workspace, action: str, sets: list[str], display: Display
+) -> tuple[Job, list[str]]:
+    """The job of an action, long clips cut into their repetitions, and a sentence on each."""
+    job = workspace.ready_job(action, sets, display)
+    if not any(video.repetitions for video in job.action.videos):
+        return job, []
+    from imocap_core.standalone_sync import job_in_parts  # PyTorch and more
+
+    return job_in_parts(workspace, action, sets, display)
+
+
 @plain_errors
 def run_action(
     action: str | Path,
@@ -333,13 +345,12 @@ def run_action(
     part_of_many: whoever runs many actions keeps the cache within its limit, once.
     """
     from imocap_core.report.action_report import finish, verdict_of_run
-    from imocap_core.standalone_sync import job_in_parts
 
     with displaying(progress) as display:
         began = time.perf_counter()
         cache_limit_bytes()  # a wrong one is noticed before the work
         workspace = Workspace(Path(root), store, device)
-        job, notes = job_in_parts(workspace, str(action), one_off(params), display)
+        job, notes = _job_in_parts(workspace, str(action), one_off(params), display)
         notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)
         with recording(job, notes) as log:

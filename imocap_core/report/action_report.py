@@ -17,7 +17,7 @@ from imocap_core.pipeline.generation import record, seconds_of
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
-from imocap_core.report.table_files import PAGE, TEXT
+from imocap_core.report.page_files import PAGE, TEXT
 
 MADE_BY = ("report/write_page.py", "report/page.py", "diagnostics/action_verdict.py")
 BESIDE = ("viewer.html", "compare/report.html", "compare/report.md", "observability.md")

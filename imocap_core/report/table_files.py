@@ -302,9 +302,6 @@ def json_text(tables: Sequence[Table]) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-PAGE, TEXT = "report.html", "report.md"
-
-
 CONTENTS = "contents.json"
 
 

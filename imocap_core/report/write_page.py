@@ -43,8 +43,9 @@ from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.page import html_page, markdown_page
+from imocap_core.report.page_files import PAGE, TEXT
 from imocap_core.report.sections import sections
-from imocap_core.report.table_files import PAGE, TEXT, Picture, read_contents
+from imocap_core.report.table_files import Picture, read_contents
 from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.workers import at_once
