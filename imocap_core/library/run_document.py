@@ -1,12 +1,8 @@
-"""A run as plain data: stages, correspondences, cameras, the verdict. For scripts.
-
-Where the report of an action is.
-"""
+"""A run as plain data: stages, correspondences, cameras, the verdict. For scripts."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from imocap_core.artifacts.schemas import (
@@ -23,20 +19,10 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.diagnostics.findings import verdict_document
 from imocap_core.figures.sync_summary import SyncRow, sync_rows
-from imocap_core.pipeline.runner import Job
 from imocap_core.result.artifacts import STAGE_OF, Artifacts, artifacts_of_stages
 
 if TYPE_CHECKING:
     from imocap_core.library.running import Run
-
-
-def report_page(job: Job) -> Path | None:
-    """The page of an action's report to open first; the folder itself when it has none."""
-    folder = job.store.report(job.action.name)
-    for name in ("report.html", "index.html", "report.md", "index.md"):
-        if (folder / name).is_file():
-            return folder / name
-    return folder if folder.is_dir() else None
 
 
 FORMAT = 1  # rises when a field changes its meaning or goes
