@@ -168,7 +168,7 @@ def main() -> None:
     every = films(arguments.train, arguments.work, detector)
     report(every, arguments.seed)
     if arguments.write:
-        folder = ROOT / "imocap_core" / "marks" / "data"
+        folder = ROOT / "imocap_core" / "lifter" / "data"
         write_weights(folder / f"{LAYOUT}.safetensors", correction_of(every, arguments.seed))
 
 
