@@ -36,6 +36,7 @@ SMPL_JOINTS: tuple[str, ...] = (
     "left_hand",
     "right_hand",
 )
+JOINTS = len(SMPL_JOINTS)
 SMPL_PARENTS: tuple[int, ...] = (
     *(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8),
     *(9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21),

@@ -19,7 +19,7 @@ from imocap_core.adapters.loop_sync import (
 )
 from imocap_core.adapters.participants import known_mirrors
 from imocap_core.adapters.redetection import is_changed, with_second_look
-from imocap_core.adapters.synchronisation import rates_of_motions, summary_of
+from imocap_core.adapters.synchronisation import evidence_of, summary_of
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -32,12 +32,18 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.cli import stage_main
-from imocap_core.motion.multiview.alternation import Alternation, LoopRound, alternate
+from imocap_core.motion.multiview.alternation import (
+    Alternation,
+    LoopRound,
+    LoopSteps,
+    alternate,
+)
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.process import release_freed_memory, release_if_large
+from imocap_core.sync import estimated_rates
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
@@ -100,13 +106,14 @@ def _loop_sync(
     if sound_start_s is not None:
         hints = with_sound(hints, sound_start_s, keypoints)
     monocular = [video.joints for video in initial.videos]
+    evidence = evidence_of(monocular, keypoints, params.sync, hints)
     return LoopSync(
         keypoints,
         inputs.get(CameraMotion),
         initial,
         params.sync,
         hints,
-        rates_of_motions(monocular, keypoints, params.sync, hints),
+        estimated_rates(evidence, params.sync),
         by_pictures=params.refine.evidence == "pictures",
         event=ctx.event(),
         sound_start_s=sound_start_s,
@@ -167,18 +174,21 @@ def _in_turn(
         release_freed_memory()
         return begun.problem.solved_afresh(sync, motion, solving)
 
-    loop = alternate(
-        begun.single_pass,
+    steps = LoopSteps(
         partial(loop_sync.first_of, begun) if begun.moved else partial(inputs.get, Sync),
         synchronise,
         recover,
         outline=summary_of,
         maps=lambda sync: [m.reference_frame for m in sync.maps],
         cost=lambda motion: motion.misfit,
+        finish=finish,
+    )
+    loop = alternate(
+        begun.single_pass,
+        steps,
         max_rounds=most_rounds,
         settled_frames=params.refine.settled_frames,
         least_rounds=int(begun.moved or is_changed(inputs.get(Redetect))),
-        finish=finish,
     )
     if begun.moved and loop.best == 0:  # its videos or axis are others than the single pass has
         loop = replace(loop, rounds=[single_pass, *loop.rounds], best=1)

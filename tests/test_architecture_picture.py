@@ -48,12 +48,12 @@ def test_the_same_code_gives_the_same_bytes(
     assert drawing == tool.picture(tool.stages_of_code(), tool.rooms_of_code())
 
 
-def test_the_files_from_a_stage_to_a_residual_import_each_other() -> None:
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    files = re.findall(r"^\d\. `([\w/]+)\.py`", page, flags=re.M)
+def test_the_page_says_the_way_from_a_stage_to_the_residual_as_the_code_calls() -> None:
+    page = tool.PAGE.read_text(encoding="utf-8")
+    assert tool.chain_of_code() in page, ADVICE
     graph = grimp.build_graph("imocap_core", "stages", cache_dir=None)
-    modules = [file.replace("/", ".") for file in files]
-    assert len(modules) == 4
+    modules = [file.removesuffix(".py").replace("/", ".") for file, _ in tool.CHAIN]
+    assert len(modules) == 5
     for module, imported in pairwise(modules):
         packages = {imported, imported.rpartition(".")[0]}  # or by way of the package's names
         assert packages & graph.find_modules_directly_imported_by(module), (module, imported)

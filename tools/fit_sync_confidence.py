@@ -22,7 +22,7 @@ from benchmarks.sync.reliability import right_frames
 from benchmarks.sync.scenes import SyncScene
 from imocap_core.metrics.calibration import expected_calibration_error
 from imocap_core.params import SyncParams
-from imocap_core.sync import joint_synchronisation, synchronise
+from imocap_core.sync import SyncEvidence, joint_synchronisation, synchronise
 from imocap_core.sync.confidence import WEIGHTS, calibrated_confidence, confidence_features
 from tools.reliability_picture import write_reliability
 
@@ -40,9 +40,8 @@ def frames_of(scene: SyncScene, settings: SyncParams) -> tuple[np.ndarray, np.nd
         return calibrated_confidence(route, distances, pairs)
 
     with patch.object(joint_synchronisation, "calibrated_confidence", recorded):
-        sync = synchronise(
-            scene.poses, fps=scene.fps, params=settings, rng=np.random.default_rng(0)
-        )
+        evidence = SyncEvidence(scene.poses, scene.fps)
+        sync = synchronise(evidence, settings, np.random.default_rng(0))
     used = [v for v in range(len(scene.poses)) if v not in sync.screening.excluded]
     parts = []
     for k, x in features.items():

@@ -1,4 +1,5 @@
-"""Draw docs/images/architecture.svg from the code: `python -m tools.make_architecture_picture`.
+"""Draw docs/images/architecture.svg and write the way from a stage to the residual into
+docs/architecture.md, both from the code: `python -m tools.make_architecture_picture`.
 
 Above, the stages of pipeline.yaml with what each reads and writes; below, the rooms of the code in
 the order of the import contract in pyproject.toml, with their number of lines. Names, order, files,
@@ -22,6 +23,16 @@ from tools.svg import INK, MONO, PALE, PAPER, SANS, arrow, box, fitted, text
 ROOT = Path(__file__).resolve().parents[1]
 ROOM_CONTRACT = "Each room imports only from those below it"
 TARGET = ROOT / "docs" / "images" / "architecture.svg"
+
+PAGE = ROOT / "docs" / "architecture.md"
+# From a stage to the residual: each file, and where in it the calls go on to the next.
+CHAIN = (
+    ("stages/smpl_ba.py", "run"),
+    ("imocap_core/motion/multiview/smpl_ba.py", "recover_motion"),
+    ("imocap_core/motion/multiview/common_motion.py", "fit_in_stages"),
+    ("imocap_core/motion/gauss_newton.py", "gauss_newton"),
+    ("imocap_core/motion/terms/reprojection.py", "Reprojection.add_to"),
+)
 
 WIDTH, MARGIN, GUTTER = 1280, 28, 128
 # Title, first room in the contract's order, what its rooms may do, fill, edge.
@@ -230,6 +241,53 @@ def drawn_room(
     return parts
 
 
+def chain_of_code() -> str:
+    """The way from a stage to the residual as a numbered list; every file calls the next one.
+
+    Raises:
+        ValueError: a file does not call the function that follows.
+    """
+    lines = []
+    for number, (file, function) in enumerate(CHAIN, start=1):
+        tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+        if number < len(CHAIN):
+            target = CHAIN[number][1].rpartition(".")[2]
+            if target not in called_from(tree, function):
+                raise ValueError(f"{file}: {function} does not lead to {target}: mend CHAIN")
+        says = (ast.get_docstring(functions_of(tree)[function]) or "").partition("\n")[0]
+        lines.append(f"{number}. `{file}`, `{function}`: {says.rstrip('.')}")
+    return "\n".join(lines) + "\n"
+
+
+def functions_of(tree: ast.Module) -> dict[str, ast.FunctionDef]:
+    """The functions of a file, and the methods of its classes as Class.method."""
+    functions = {n.name: n for n in tree.body if isinstance(n, ast.FunctionDef)}
+    for holder in (n for n in tree.body if isinstance(n, ast.ClassDef)):
+        methods = (n for n in holder.body if isinstance(n, ast.FunctionDef))
+        functions |= {f"{holder.name}.{method.name}": method for method in methods}
+    return functions
+
+
+def called_from(tree: ast.Module, function: str) -> set[str]:
+    """The names that a function calls, and those that functions of the file call for it."""
+    functions = functions_of(tree)
+    called, left = set[str](), [function]
+    while left:
+        node = functions[left.pop()]
+        calls = (n.func for n in ast.walk(node) if isinstance(n, ast.Call))
+        names = {c.id if isinstance(c, ast.Name) else getattr(c, "attr", "") for c in calls}
+        # functions are also handed on, to be called elsewhere
+        names |= {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+        new, called = names - called, called | names
+        left += [name for name in functions if name.rpartition(".")[2] in new]
+    return called
+
+
+def page_with_chain(page: str) -> str:
+    """A page with its numbered list of files replaced."""
+    return re.sub(r"(?:^\d\. `.*\n)+", lambda _: chain_of_code(), page, flags=re.M)
+
+
 def names_in(drawing: str, kind: str) -> list[str]:
     """What is written in a drawing as stage, artifact or room, in order."""
     return re.findall(rf'<text [^>]*class="{kind}">([^<]*)<', drawing)
@@ -237,3 +295,4 @@ def names_in(drawing: str, kind: str) -> list[str]:
 
 if __name__ == "__main__":
     TARGET.write_text(picture(stages_of_code(), rooms_of_code()), encoding="utf-8", newline="\n")
+    PAGE.write_text(page_with_chain(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from imocap_core.adapters.lenses import lenses_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.film import Painter, lock_step, overlay_bodies

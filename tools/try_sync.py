@@ -20,7 +20,7 @@ from benchmarks.sync.map_scores import event_errors_frames, score_maps
 from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
 from benchmarks.sync.training_scenes import training_scenes
 from imocap_core.params import SyncParams
-from imocap_core.sync import synchronise
+from imocap_core.sync import SyncEvidence, synchronise
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("IMOCAP_DATA", ROOT.parent / "shared" / "data"))
@@ -58,9 +58,8 @@ def main() -> None:
                 continue
             began = time.perf_counter()
             n = args.videos
-            sync = synchronise(
-                scene.poses[:n], fps=scene.fps[:n], params=chosen, rng=np.random.default_rng(0)
-            )
+            evidence = SyncEvidence(scene.poses[:n], scene.fps[:n])
+            sync = synchronise(evidence, chosen, np.random.default_rng(0))
             took = time.perf_counter() - began
             score = score_maps(scene, sync.reference, sync.reference_frame, sync.confidence)
             rows.append(astuple(score))

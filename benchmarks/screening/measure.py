@@ -12,7 +12,7 @@ from benchmarks.screening.scenes import ScreeningScene
 from imocap_core.adapters.hypotheses import keypoints_of_joints
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
-from imocap_core.sync import screened
+from imocap_core.sync import SyncEvidence, screened
 from imocap_core.sync.screening.screening import Screening
 
 
@@ -66,14 +66,14 @@ def measure(scene: ScreeningScene, params: SyncParams) -> SceneRow:
 def screening_of(films: Sequence[FittedFilm], params: SyncParams) -> Screening:
     """The screening of videos, as the synchronisation does it."""
     detected = [(film.keypoints.confidence > 0).max(axis=1).astype(float) for film in films]
-    return screened(
+    evidence = SyncEvidence(
         [film.poses for film in films],
         fps=[film.keypoints.fps for film in films],
-        params=params,
         confidence=[np.repeat(frames[:, None], 24, axis=1) for frames in detected],
         twins=mirror_indices(SMPL_JOINTS),
         keypoints=[keypoints_of_joints(film.keypoints) for film in films],
     )
+    return screened(evidence, params)
 
 
 def _named(videos: Sequence[int]) -> str:

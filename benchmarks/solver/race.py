@@ -23,11 +23,15 @@ from benchmarks.solver.lbfgs import lbfgs
 from benchmarks.solver.scene import MadeScene
 from imocap_core.motion.gauss_newton import Solution, gauss_newton, objective
 from imocap_core.motion.monocular.fit import regularisers
-from imocap_core.motion.multiview.common_keypoints import common_keypoints
-from imocap_core.motion.multiview.common_motion import ROBUST_STAGES, common_problem
+from imocap_core.motion.multiview.common_motion import (
+    ROBUST_STAGES,
+    CommonViews,
+    Unknowns,
+    common_problem,
+    with_initial_offsets,
+)
 from imocap_core.motion.multiview.low_rank import consensus_motion
-from imocap_core.motion.multiview.per_video import initial_offset_sd
-from imocap_core.motion.multiview.scene import align, cameras_from_motion
+from imocap_core.motion.multiview.scene import cameras_from_motion
 from imocap_core.motion.multiview.smpl_ba import shared_shapes
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.state import MotionState
@@ -167,17 +171,15 @@ def first_common_problem(
 ) -> tuple[list[Term], MotionState]:
     """The terms and the start of the first fit of one motion to all views."""
     scene, state = made.scene, shared_shapes(made.start, made.scene.performers)
-    aligned = align(scene.body, state, scene.timeline)
-    cameras = cameras_from_motion(aligned, scene.K.to(state.trans), scene.reference)
-    keypoints = common_keypoints(scene.observations, scene.timeline)
-    if rigid_offsets:
-        spread = initial_offset_sd(len(scene.observations), options)
-        keypoints = replace(keypoints, offset_sd=spread)
+    K = scene.K.to(state.trans)
+    cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
+    keypoints = with_initial_offsets(scene, options) if rigid_offsets else scene.keypoints
     motion = consensus_motion(scene, state, cameras, options.agreement_rad)
     free = [v for v in range(len(scene.observations)) if v != scene.reference]
     scale = scene.fit.robust_scale_sigma * ROBUST_STAGES[0]
-    views, start = common_problem(scene.body, motion, keypoints, cameras, free, robust_scale=scale)
-    return [*views, *regularisers(scene.body, scene.prior, scene.fit, scene.fps)], start
+    views = CommonViews(scene.body, keypoints, cameras, scale)
+    image, start = common_problem(views, motion, Unknowns(free))
+    return [*image, *regularisers(scene.body, scene.prior, scene.fit, scene.fps)], start
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from benchmarks.sync.rivals import RIVALS, rival
 from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
 from imocap_core.params import SyncParams
 from imocap_core.params.sync_params import CycleMethod, Warp
-from imocap_core.sync import SyncResult, synchronise
+from imocap_core.sync import SyncEvidence, SyncResult, synchronise
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 from imocap_core.sync.warp.template import median_positions
 
@@ -115,7 +115,7 @@ def _rival(scene: SyncScene, kind: str, reference: int) -> AccuracyRow:
 
 
 def _synchronised(scene: SyncScene, settings: SyncParams) -> SyncResult:
-    return synchronise(scene.poses, fps=scene.fps, params=settings, rng=np.random.default_rng(0))
+    return synchronise(SyncEvidence(scene.poses, scene.fps), settings, np.random.default_rng(0))
 
 
 def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:

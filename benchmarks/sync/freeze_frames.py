@@ -18,7 +18,7 @@ from benchmarks.actions.captured import video_rng
 from benchmarks.sync.scenes import SyncScene, trial_scene
 from imocap_core.metrics.sync import sync_errors
 from imocap_core.params import SyncParams
-from imocap_core.sync import SyncResult, synchronise
+from imocap_core.sync import SyncEvidence, SyncResult, synchronise
 
 FROZEN = 1  # the video
 FREEZE_S = 1.0
@@ -82,13 +82,8 @@ def frozen_scene(scene: SyncScene, kind: str) -> tuple[SyncScene, np.ndarray]:
 def _row(plain: SyncScene, kind: str, settings: SyncParams) -> FreezeRow:
     scene, frozen = frozen_scene(plain, kind)
     eligible = next(v for v in range(len(scene.poses)) if v != FROZEN)
-    sync = synchronise(
-        scene.poses,
-        fps=scene.fps,
-        params=settings,
-        rng=np.random.default_rng(0),
-        reference=eligible,
-    )
+    evidence = SyncEvidence(scene.poses, scene.fps, reference=eligible)
+    sync = synchronise(evidence, settings, np.random.default_rng(0))
     error_ms, moment_ms = _of_video(scene, sync)
     confidence = sync.confidence[FROZEN]
     runs = np.split(np.arange(len(frozen)), np.flatnonzero(np.diff(frozen.astype(int))) + 1)

@@ -14,7 +14,7 @@ from benchmarks.sync.scenes import SyncScene
 from imocap_core.metrics.calibration import expected_calibration_error
 from imocap_core.metrics.sync import true_reference_frame
 from imocap_core.params import SyncParams
-from imocap_core.sync import SyncResult, synchronise
+from imocap_core.sync import SyncEvidence, SyncResult, synchronise
 
 SURE = 0.9
 
@@ -55,7 +55,7 @@ def reliability(file: Path, settings: SyncParams, seed: int) -> list[Reliability
 
 def judged_frames(scene: SyncScene, settings: SyncParams) -> Float[np.ndarray, "n 2"]:
     """Confidence, and 1 where right, of every matched frame of a scene."""
-    sync = synchronise(scene.poses, fps=scene.fps, params=settings, rng=np.random.default_rng(0))
+    sync = synchronise(SyncEvidence(scene.poses, scene.fps), settings, np.random.default_rng(0))
     judged = [
         np.column_stack([sync.confidence[v], right])[matched]
         for v in range(len(scene.poses))

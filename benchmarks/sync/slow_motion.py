@@ -20,7 +20,7 @@ from benchmarks.sync.scenes import SyncScene, filmed_scene
 from benchmarks.sync.training_scenes import CAPTURED_FPS
 from imocap_core.metrics.sync import matched_share, sync_errors
 from imocap_core.params import SyncParams
-from imocap_core.sync import synchronise
+from imocap_core.sync import SyncEvidence, synchronise
 
 FACTORS = (1.0, 2.0, 4.0, 8.0)
 SLOWED = 1  # the video whose speed changes
@@ -96,7 +96,7 @@ def _shown_of_trials(file: Path) -> Shown:
 
 def _errors(scene: SyncScene, settings: SyncParams) -> tuple[float, float, float]:
     """Of the video: mean error, ms of the action, and matched share; error of the others."""
-    sync = synchronise(scene.poses, fps=scene.fps, params=settings, rng=np.random.default_rng(0))
+    sync = synchronise(SyncEvidence(scene.poses, scene.fps), settings, np.random.default_rng(0))
     r, error_ms, matched = sync.reference, {}, {}
     for v, frames in enumerate(sync.reference_frame):
         if v == r:

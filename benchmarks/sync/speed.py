@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import synchronise
+from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.sync.affinity import distance_matrix
 from imocap_core.sync.cycle import relax, symmetric_affinity
 from imocap_core.sync.maps import BlockMaps
@@ -70,7 +70,7 @@ def _relaxed(method: str, affinity: BlockMaps, rounds: int) -> str:
 
 
 def _whole(poses: list[np.ndarray], fps: list[float], settings: SyncParams) -> None:
-    synchronise(poses, fps=fps, params=settings, rng=np.random.default_rng(0))
+    synchronise(SyncEvidence(poses, fps), settings, np.random.default_rng(0))
 
 
 def _row(rows: list[SpeedRow], part: str, size: int, work: Callable[[], object]) -> SpeedRow:

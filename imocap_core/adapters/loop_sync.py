@@ -37,11 +37,7 @@ from jaxtyping import Float
 from imocap_core.adapters.hints import with_one_offset
 from imocap_core.adapters.hypotheses import chosen_motions, explained_keypoints
 from imocap_core.adapters.joint import JointProblem, is_one_motion, shows_one_motion
-from imocap_core.adapters.synchronisation import (
-    screening_of_motions,
-    summary_of,
-    synchronise_motions,
-)
+from imocap_core.adapters.synchronisation import evidence_of, summary_of, synchronise_motions
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -54,7 +50,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.motion.multiview.alternation import LoopRound
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.params import SyncParams
-from imocap_core.sync import Hints
+from imocap_core.sync import Hints, SyncEvidence, screened
 from imocap_core.sync.screening.screening import Screening, corrected, sentences
 
 
@@ -223,15 +219,11 @@ class LoopSync:
     ) -> SyncSummary | None:
         """The first synchronisation's decisions, if the joint motion decides otherwise."""
         first = single_pass.sync
-        second = screening_of_motions(
-            problem.filmed_joints(single_pass.motion),
-            explained_keypoints(self.initial, self.keypoints, first.alternatives),
-            self.params,
-            self.hints,
-            mirrored=self.declared,
-            rates=self.rates,
-        )
-        return decided_again(first, second)
+        joints = problem.filmed_joints(single_pass.motion)
+        keypoints = explained_keypoints(self.initial, self.keypoints, first.alternatives)
+        evidence = evidence_of(joints, keypoints, self.params, self.hints, self.cameras)
+        evidence = replace(evidence, mirrored=self.declared, rates=self.rates)
+        return decided_again(first, screened(evidence, self.params))
 
     def _of_motion(
         self,
@@ -242,35 +234,31 @@ class LoopSync:
     ) -> Sync:
         several = len(decided.ids) - len(decided.excluded) > 2
         pictures = self.by_pictures and several and shows_one_motion(motion)
-        sync = synchronise_motions(
-            problem.filmed_joints(motion),
-            self.keypoints,
-            self.params,
-            self.rng(),
-            reference=reference,
-            decided=decided,
-            hints=self.hints,
-            cameras=self.cameras,
+        joints = problem.filmed_joints(motion)
+        evidence = replace(
+            evidence_of(joints, self.keypoints, self.params, self.hints, self.cameras),
             reprojection=problem.reprojection_evidence(motion) if pictures else None,
             rates=self.rates,
         )
-        return self._placed(sync)
+        return self._synchronised(evidence, self.keypoints, decided, reference)
 
     def _of_monocular_motions(self, decided: SyncSummary, reference: str | None) -> Sync:
         """The first synchronisation again, with other videos or on another time axis."""
         chosen = decided.alternatives
-        sync = synchronise_motions(
-            [motion.joints for motion in chosen_motions(self.initial, chosen)],
-            explained_keypoints(self.initial, self.keypoints, chosen),
-            self.params,
-            self.rng(),
-            reference=reference,
-            decided=decided,
-            hints=self.hints,
-            cameras=self.cameras,
-        )
-        return self._placed(sync)
+        joints = [motion.joints for motion in chosen_motions(self.initial, chosen)]
+        keypoints = explained_keypoints(self.initial, self.keypoints, chosen)
+        evidence = evidence_of(joints, keypoints, self.params, self.hints, self.cameras)
+        return self._synchronised(evidence, keypoints, decided, reference)
 
-    def _placed(self, sync: Sync) -> Sync:
-        """Correspondences of one event are one offset and rate a video."""
+    def _synchronised(
+        self,
+        evidence: SyncEvidence,
+        keypoints: Keypoints,
+        decided: SyncSummary,
+        reference: str | None,
+    ) -> Sync:
+        """Synchronised; correspondences of one event are one offset and rate a video."""
+        sync = synchronise_motions(
+            evidence, keypoints, self.params, self.rng(), reference=reference, decided=decided
+        )
         return with_one_offset(sync, self.keypoints, self.sound_start_s) if self.event else sync

@@ -27,11 +27,11 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body.layouts import layout_names
 from imocap_core.camera.projection import warp
-from imocap_core.motion.multiview.keypoint_evidence import SURE, contradicted, expected_by_others
+from imocap_core.motion.multiview.repair import SURE, contradicted, expected_by_others
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.pipeline.stage import Inputs
 
-LIMBS = {
+REDETECTED = {
     "elbow": (),
     "wrist": ("pinky", "index", "thumb"),
     "knee": (),
@@ -199,7 +199,7 @@ def _moved_joint(
     place = _nearest(look.limbs_px[kind], asked.expected_px[n, k], limit)
     if place is None:
         return {}
-    beyond = [names.index(p) for p in (f"{side}_{tip}" for tip in LIMBS[kind]) if p in names]
+    beyond = [names.index(p) for p in (f"{side}_{tip}" for tip in REDETECTED[kind]) if p in names]
     ends = {(row, end): (*video.xy_px[row, end].tolist(), 0.0) for end in beyond}
     return {(row, k): (*place, SURE), **ends}
 
@@ -208,7 +208,7 @@ def _fits(
     body: Float[np.ndarray, "K 3"], asked: ContradictedVideo, n: int, names: Sequence[str]
 ) -> bool:
     """Whether most limb joints of a body are where the others expect them."""
-    limbs = [k for k, name in enumerate(names) if name.partition("_")[2] in LIMBS]
+    limbs = [k for k, name in enumerate(names) if name.partition("_")[2] in REDETECTED]
     away = np.linalg.norm(body[limbs, :2] - asked.expected_px[n, limbs], axis=1)
     return bool(np.median(away / asked.limit_px[n, limbs]) < 1.0)
 

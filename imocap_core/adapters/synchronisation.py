@@ -1,11 +1,9 @@
-"""Motions to correspondences: the artifact of a synchronisation from poses and hints.
-
-The first synchronisation: of monocular motions, chosen jointly where there are several.
-"""
+"""Motions to correspondences: the artifact of a synchronisation from poses and hints."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -32,105 +30,63 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
-from imocap_core.sync import Hints, SyncResult, estimated_rates, screened, synchronise
+from imocap_core.sync import Hints, SyncEvidence, SyncResult, synchronise
 from imocap_core.sync.comparable_poses import picture_heights
 from imocap_core.sync.freeze_frames import DistinctFrames, distinct_frames, frozen_runs
 from imocap_core.sync.screening.screening import Screening, sentences
-from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
 
 TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
 
 
-def synchronise_motions(
+def evidence_of(
     joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    params: SyncParams,
+    hints: Hints | None = None,
+    cameras: CameraMotion | None = None,
+) -> SyncEvidence:
+    """Motions as a synchronisation takes them; frames without any detection are bridged.
+
+    Args:
+        joints: of every video of `keypoints`, metres, in its own camera's axes.
+        cameras: their own motion, where known.
+    """
+    return SyncEvidence(
+        joints,
+        fps=[video.fps for video in keypoints.videos],
+        confidence=_detected(joints, keypoints),
+        joint_weights=joint_weights_of(params),
+        twins=mirror_indices(SMPL_JOINTS),
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+        heights=_heights(joints, keypoints, cameras),
+        hints=hints or Hints(),
+    )
+
+
+def synchronise_motions(
+    evidence: SyncEvidence,
     keypoints: Keypoints,
     params: SyncParams,
     rng: np.random.Generator,
     *,
     reference: str | None = None,
-    mirrored: Sequence[bool | None] | None = None,
-    hints: Hints | None = None,
     decided: SyncSummary | None = None,
-    reprojection: ReprojectionEvidence | None = None,
-    rates: Float[np.ndarray, " M"] | None = None,
-    cameras: CameraMotion | None = None,
 ) -> Sync:
-    """Synchronise motions by their joints; frames without any detection are bridged.
+    """Synchronise motions by their joints (`evidence_of`).
 
     Args:
-        joints: of every video of `keypoints`, metres, in its own camera's axes.
         reference: id of the reference video, chosen by centrality when None.
-        mirrored: per video True or False where action.yaml states it.
-        hints, reprojection, rates: as of `imocap_core.sync.synchronise`.
-        cameras: their own motion, where known.
         decided: an earlier synchronisation whose mirrored and excluded videos stay as they are.
     """
     ids = [video.id for video in keypoints.videos]
-    fps = [video.fps for video in keypoints.videos]
-    result = synchronise(
-        joints,
-        fps=fps,
-        params=params,
-        rng=rng,
-        confidence=_detected(joints, keypoints),
-        joint_weights=joint_weights_of(params),
-        heights=_heights(joints, keypoints, cameras),
-        reference=None if reference is None else ids.index(reference),
-        twins=mirror_indices(SMPL_JOINTS),
-        mirrored=mirrored,
-        hints=hints,
-        screening=None if decided is None else _screening_of(decided),
-        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
-        reprojection=reprojection,
-        rates=rates,
-    )
-    sync = sync_artifact(result, ids, fps)
+    evidence = replace(evidence, reference=None if reference is None else ids.index(reference))
+    screening = None if decided is None else _screening_of(decided)
+    result = synchronise(evidence, params, rng, screening)
+    sync = sync_artifact(result, ids, evidence.fps)
     if decided is None:
         return sync.model_copy(update={"notes": [*sync.notes, *freeze_notes(keypoints)]})
     unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
     return sync.model_copy(update=unchanged)
-
-
-def rates_of_motions(
-    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
-    keypoints: Keypoints,
-    params: SyncParams,
-    hints: Hints,
-) -> Float[np.ndarray, " M"]:
-    """Seconds of the action per second of each video, as `synchronise_motions` estimates them."""
-    return estimated_rates(
-        joints,
-        fps=[video.fps for video in keypoints.videos],
-        params=params,
-        confidence=_detected(joints, keypoints),
-        joint_weights=joint_weights_of(params),
-        hints=hints,
-        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
-    )
-
-
-def screening_of_motions(
-    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
-    keypoints: Keypoints,
-    params: SyncParams,
-    hints: Hints,
-    *,
-    mirrored: Sequence[bool | None],
-    rates: Float[np.ndarray, " M"],
-) -> Screening:
-    """Which videos are mirrored or show another action, as `synchronise_motions` decides it."""
-    return screened(
-        joints,
-        fps=[video.fps for video in keypoints.videos],
-        params=params,
-        confidence=_detected(joints, keypoints),
-        joint_weights=joint_weights_of(params),
-        twins=mirror_indices(SMPL_JOINTS),
-        mirrored=mirrored,
-        hints=hints,
-        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
-        rates=rates,
-    )
 
 
 def freeze_notes(keypoints: Keypoints) -> list[str]:
@@ -190,16 +146,14 @@ def synchronise_joints(
 
     ValueError for shapes that don't fit.
     """
-    result = synchronise(
+    evidence = SyncEvidence(
         joints,
-        fps=fps,
-        params=params,
-        rng=rng,
+        fps,
         joint_weights=joint_weights_of(params),
-        reference=None if reference is None else list(ids).index(reference),
         twins=mirror_indices(SMPL_JOINTS),
+        reference=None if reference is None else list(ids).index(reference),
     )
-    return sync_artifact(result, ids, fps)
+    return sync_artifact(synchronise(evidence, params, rng), ids, fps)
 
 
 def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
@@ -295,17 +249,16 @@ def synchronise_monocular(
     hints: Hints | None = None,
     cameras: CameraMotion | None = None,
 ) -> Sync:
-    """Choose every video's motion, then screen and synchronise; as of `synchronise_motions`."""
+    """Choose every video's motion, then screen and synchronise; as of `synchronise_motions`.
+
+    Args:
+        mirrored: per video True or False where action.yaml states it.
+    """
     chosen = choose_alternatives(initial, keypoints, mirrored)
-    sync = synchronise_motions(
-        [motion.joints for motion in chosen_motions(initial, chosen.names)],
-        explained_keypoints(initial, keypoints, chosen.names),
-        params,
-        rng,
-        reference=reference,
-        mirrored=mirrored,
-        hints=hints,
-        cameras=cameras,
-    )
+    joints = [motion.joints for motion in chosen_motions(initial, chosen.names)]
+    keypoints = explained_keypoints(initial, keypoints, chosen.names)
+    evidence = evidence_of(joints, keypoints, params, hints, cameras)
+    evidence = replace(evidence, mirrored=mirrored)
+    sync = synchronise_motions(evidence, keypoints, params, rng, reference=reference)
     notes = [*chosen.notes, *sync.notes]
     return sync.model_copy(update={"notes": notes, "alternatives": chosen.names})

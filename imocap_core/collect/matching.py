@@ -33,7 +33,7 @@ from imocap_core.sync.repetition import subsequence_dtw
 RATE_HZ = 12.0  # samples a second of the action
 WINDOW_S = 0.15  # of the action, from the middle of a window to its ends
 RATES = (0.25, 0.5, 1.0, 2.0)  # playback rates; the warp covers those between them
-JOINTS = [
+MATCHED_JOINTS = [
     SMPL_JOINTS.index(name)
     for name in (
         *("left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"),
@@ -44,8 +44,8 @@ JOINTS = [
 
 LEAST_SIGMA_M = 0.06  # the joints next to the pelvis do not decide alone
 USUAL_M = 0.1  # error of a lifted joint that has weight 1
-_ONE = [JOINTS.index(TWINS[joint]) for joint in JOINTS]
-MIRRORED = [len(JOINTS) * part + twin for part in range(3) for twin in _ONE]
+_ONE = [MATCHED_JOINTS.index(TWINS[joint]) for joint in MATCHED_JOINTS]
+MIRRORED = [len(MATCHED_JOINTS) * part + twin for part in range(3) for twin in _ONE]
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ def samples_of(track: ShotTrack, rate: float) -> TrackSamples:
     step = track.fps / (RATE_HZ * rate)
     frames = np.arange(0.0, len(track.joints), step)
     reach = track.fps * WINDOW_S / rate
-    poses = track.joints[:, JOINTS]
+    poses = track.joints[:, MATCHED_JOINTS]
     poses = poses - poses.mean(axis=1, keepdims=True)
     smooth = gaussian_filter1d(poses, max(0.4 * step, 0.5), axis=0, mode="nearest")
     parts = [_at(smooth, frames + offset) for offset in (-reach, 0.0, reach)]
     windows = np.concatenate(parts, axis=1)
     nearest = np.minimum(np.rint(frames).astype(int), len(poses) - 1)
-    sigma = np.maximum(track.sigma_m[nearest][:, JOINTS], LEAST_SIGMA_M)
+    sigma = np.maximum(track.sigma_m[nearest][:, MATCHED_JOINTS], LEAST_SIGMA_M)
     precision = (USUAL_M / sigma) ** 2
     weights = np.concatenate([precision * track.visible[nearest][:, None]] * 3, axis=1)
     return TrackSamples(windows, weights, frames, rate)
@@ -118,7 +118,7 @@ def pooled(tracks: Sequence[TrackSamples]) -> TrackSamples:
 
 def pose_change(windows: Float[np.ndarray, "N P 3"]) -> Float[np.ndarray, " N"]:
     """Root mean square movement of the joints within each window, metres."""
-    joints = len(JOINTS)
+    joints = len(MATCHED_JOINTS)
     step = windows[:, 2 * joints :] - windows[:, :joints]
     return np.asarray(np.sqrt((step**2).sum(axis=-1).mean(axis=-1)))
 

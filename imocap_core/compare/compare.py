@@ -23,7 +23,7 @@ from imocap_core.params import SyncParams
 from imocap_core.result.body import local_rotations
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video_motion import body_model_of
-from imocap_core.sync import synchronise
+from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.technique import (
     AlignedPerformances,
     Difference,
@@ -43,7 +43,7 @@ from imocap_core.technique import (
     turned_by,
 )
 
-JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
+BODY_JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +85,10 @@ def performances_of(
     shaped = body or _reference_body(result)
     R = np.stack([local_rotations(v.theta) for v in used])
     placed = shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64)).joints.numpy()
-    count = len(JOINTS)
+    count = len(BODY_JOINTS)
     instances = AlignedPerformances(
         ids=tuple(v.id for v in used),
-        joint_names=JOINTS,
+        joint_names=BODY_JOINTS,
         phase_s=used[0].phase_s,
         R_local=R[:, :, :count],
         joints=(placed - placed[:, :, :1])[:, :, :count],
@@ -240,14 +240,13 @@ def pair_of(
     means = [t.mean.joints for t in (first, second)]
     settings = replace(params, outliers="ignore", mirrored="ignore")
     weights = joint_weights_of(params)
-    sync = synchronise(
+    evidence = SyncEvidence(
         means,
         fps=[first.performances.fps, second.performances.fps],
-        params=settings,
-        rng=rng,
         joint_weights=None if weights is None else weights[: means[0].shape[1]],
         reference=0,
     )
+    sync = synchronise(evidence, settings, rng)
     axis = np.arange(len(means[0])) / first.performances.fps
     matched = np.isfinite(sync.reference_frame[1])
     phase = np.where(matched, sync.phase[1], np.nan)

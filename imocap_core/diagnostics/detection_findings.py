@@ -177,7 +177,7 @@ ONE_LINE_DEG = 20.0
 HIDDEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
 HIDDEN_S = 0.5  # a hand moves by half a metre in this time
 WHOLE = 0.9  # of the frames
-LIMBS = {
+LIMB_ENDS = {
     "left hand": ("left_wrist", "left_shoulder"),
     "right hand": ("right_wrist", "right_shoulder"),
     "left foot": ("left_ankle", "left_hip"),
@@ -227,7 +227,7 @@ def hidden_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -> 
     hidden = hidden_limbs(sync, videos)
     least, gap = max(2, round(HIDDEN_S * reference.fps)), round(0.1 * reference.fps)
     spans: dict[tuple[int, int], list[str]] = {}
-    for name, flags in zip(LIMBS, hidden.T, strict=True):
+    for name, flags in zip(LIMB_ENDS, hidden.T, strict=True):
         for span in runs(flags, least, gap):
             alike = next((s for s in spans if _common(s, span) > 0.7), span)
             spans.setdefault(alike, []).append(name)
@@ -265,7 +265,7 @@ def hidden_limbs(
     """Whether no video sees a limb's end while one sees the trunk, at each frame of the
     reference."""
     count = len(videos[sync.reference].frames)
-    end, trunk = np.zeros((2, len(LIMBS), count))
+    end, trunk = np.zeros((2, len(LIMB_ENDS), count))
     for sync_map in sync.maps:
         if sync_map.id in sync.excluded:
             continue
@@ -274,7 +274,7 @@ def hidden_limbs(
         if sync_map.id == sync.reference:
             position = np.arange(count, dtype=float)
         other = sync_map.id in sync.mirrored
-        for k, joints in enumerate(LIMBS.values()):
+        for k, joints in enumerate(LIMB_ENDS.values()):
             for into, joint in zip((end, trunk), joints, strict=True):
                 visible = _confidence(video, _other_side(joint) if other else joint)
                 into[k] = np.maximum(into[k], _at_reference(visible, position, count))

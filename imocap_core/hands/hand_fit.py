@@ -39,7 +39,7 @@ from imocap_core.hands.hand_objective import (
     smooth_cost,
 )
 from imocap_core.hands.hand_skeleton import HandSkeleton, hand_points, joint_vectors
-from imocap_core.motion.descent import descend
+from imocap_core.motion.gauss_newton import descend
 from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotations
 from imocap_core.motion.normal import NormalEquations, solve_globals
 from imocap_core.params import HandsParams

@@ -60,7 +60,7 @@ def stitch_alternatives(
 HOP = WINDOW // 3
 CHUNK = 64  # windows in one pass of the network
 FLIP = torch.tensor([-1.0, 1.0, 1.0])  # of coordinates in a mirrored picture
-POINTS, JOINTS = list(MIRROR), list(mirror_indices(SMPL_JOINTS))
+MIRRORED_POINTS, MIRRORED_JOINTS = list(MIRROR), list(mirror_indices(SMPL_JOINTS))
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,9 @@ def _outputs(
             rays, weight = xy[begin : begin + CHUNK], trust[begin : begin + CHUNK]
             plain = _output(network, rays, weight)
             mirrored = _output(
-                network, rays[:, :, POINTS] * FLIP[:2].to(rays), weight[:, :, POINTS]
+                network,
+                rays[:, :, MIRRORED_POINTS] * FLIP[:2].to(rays),
+                weight[:, :, MIRRORED_POINTS],
             )
             parts.append(_average(plain, mirrored))
     return LifterOutput(
@@ -169,11 +171,14 @@ def _output(
 
 def _average(plain: LifterOutput, mirrored: LifterOutput) -> LifterOutput:
     """The mean of both outputs, the second one mirrored back; the alternatives of both."""
-    joints, others = mirrored.joints[:, :, JOINTS], mirrored.alternatives[..., JOINTS, :]
+    joints, others = (
+        mirrored.joints[:, :, MIRRORED_JOINTS],
+        mirrored.alternatives[..., MIRRORED_JOINTS, :],
+    )
     flip = FLIP.to(joints)
     return LifterOutput(
         (plain.joints + joints * flip) / 2,
-        (plain.log_variance + mirrored.log_variance[:, :, JOINTS]) / 2,
+        (plain.log_variance + mirrored.log_variance[:, :, MIRRORED_JOINTS]) / 2,
         torch.cat([plain.alternatives, others * flip], 2),
         torch.cat([plain.logits, mirrored.logits], 1),
     )

@@ -33,7 +33,7 @@ from safetensors.torch import load, save
 from torch import Tensor, nn
 
 from imocap_core.body.layouts import Keypoint, layout_keypoints
-from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.conventions import JOINTS, SMPL_JOINTS, mirror_indices
 
 COMMON: tuple[str, ...] = (
     *("nose", "left_eye", "right_eye", "left_ear", "right_ear"),
@@ -176,7 +176,6 @@ WINDOW = 27  # frames
 RATE_HZ = 15.0  # of the frames of a window, about
 WIDTH = 256
 BLOCKS = 6
-JOINTS = 24  # SMPL's
 HYPOTHESES = 2  # in addition to the mean
 
 

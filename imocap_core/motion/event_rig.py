@@ -186,7 +186,7 @@ class CameraRig:
         )
 
 
-LIMBS = (
+RIG_BONES = (
     ("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"),
     ("ankle", "big_toe"), ("ankle", "heel"), ("shoulder", "hip"),
 )  # fmt: skip
@@ -211,7 +211,7 @@ class BoneLengths:
 def bones_of(names: Sequence[str]) -> Int[np.ndarray, "B 2"]:
     """The bones between keypoints of these names, as pairs of columns."""
     column = {name: k for k, name in enumerate(names)}
-    limbs = [(f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in LIMBS]
+    limbs = [(f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in RIG_BONES]
     pairs = [(column[a], column[b]) for a, b in (*limbs, *ACROSS, *MIDDLE) if {a, b} <= {*column}]
     return np.array(pairs, dtype=int).reshape(-1, 2)
 

@@ -34,32 +34,26 @@ from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise, motions_at_once, split_batch
 from imocap_core.motion.monocular.fit import Progress, regularisers
-from imocap_core.motion.multiview.common_keypoints import (
-    CommonKeypoints,
-    common_keypoints,
-    views_of,
-)
 from imocap_core.motion.multiview.common_motion import (
+    NO_UNKNOWNS,
+    CommonViews,
+    Unknowns,
     estimate_spread,
     estimate_terms,
     fit_common_motion,
+    views_of,
+    with_initial_offsets,
+    with_keypoint_spread,
 )
 from imocap_core.motion.multiview.low_rank import consensus_motion
 from imocap_core.motion.multiview.per_video import (
     deviation_terms,
     facing_agreement,
     foot_contact_term,
-    initial_offset_sd,
-    targets_of,
-    with_keypoint_spread,
-)
-from imocap_core.motion.multiview.scene import (
-    Cameras,
-    DeviationSpread,
-    JointMotion,
-    Scene,
     per_video_terms,
+    targets_of,
 )
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.posterior_noise import (
     Noise,
@@ -124,10 +118,10 @@ def per_video_fits(
     terms = noise.temper(terms, scene.fps)
     couplings: list[Term] = []
     if common is not None:
-        targets = targets_of(scene, state, common.motion, common.cameras)
+        targets = targets_of(scene, state, common.motion, common.views.cameras)
         faces = facing_agreement(scene, state, targets)
         couplings = deviation_terms(
-            scene, state, common.motion, common.cameras, common.spread, options, faces
+            scene, state, common.motion, targets, common.spread, options, faces
         )
     return [
         PerVideoFit(motion.state, motion.terms, motion.terms[len(terms) :])
@@ -172,13 +166,12 @@ class CommonEvidence:
 
     Attributes:
         motion: batch of 1, world axes, at the reference's N frames.
-        keypoints: every video's keypoints there, performances' deviations in their weights.
+        views: every video's keypoints there, performances' deviations in their weights.
         spread: of the deviations; estimates: monocular estimates as terms.
     """
 
     motion: MotionState
-    cameras: Cameras
-    keypoints: CommonKeypoints
+    views: CommonViews
     spread: DeviationSpread
     estimates: list[Term]
 
@@ -221,7 +214,7 @@ class CommonPosterior:
         self, v: int, frames: Int[np.ndarray, " P"] | slice = slice(None)
     ) -> Float[Tensor, "P 75 75"]:
         """Covariance of some frames of the common motion in the axes of camera ``v``."""
-        motion, cameras = self.evidence.motion, self.evidence.cameras
+        motion, cameras = self.evidence.motion, self.evidence.views.cameras
         given_globals, response = self.given_globals[frames], self.response[frames]
         R = cameras.R[v]
         rotated = torch.eye(FRAME_UNKNOWNS).to(R)
@@ -242,14 +235,11 @@ def with_common_motion(scene: Scene, result: JointMotion, options: MotionParams)
     if result.common is not None and result.spread is not None:
         return result
     start = consensus_motion(scene, result.state, result.cameras, options.agreement_rad)
-    keypoints = common_keypoints(scene.observations, scene.timeline)
-    first = initial_offset_sd(len(scene.observations), options)
+    keypoints = with_initial_offsets(scene, options)
+    views = CommonViews(scene.body, keypoints, result.cameras, scene.fit.robust_scale_sigma)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    motion, cameras, _ = fit_common_motion(
-        scene.body, start, replace(keypoints, offset_sd=first), result.cameras, (),
-        [*terms, *estimate_terms(scene, start, options)], FIT_STEPS,
-        robust_scale=scene.fit.robust_scale_sigma,
-    )  # fmt: skip
+    terms += estimate_terms(scene, start.trans, options)
+    motion, cameras, _ = fit_common_motion(views, start, NO_UNKNOWNS, terms, FIT_STEPS)
     spread = estimate_spread(scene, motion, cameras, options)
     return replace(result, common=motion, spread=spread)
 
@@ -262,13 +252,11 @@ def common_evidence(scene: Scene, result: JointMotion, options: MotionParams) ->
     """
     if result.common is None or result.spread is None:
         raise ValueError("result: expected a common motion and its spread, got none")
-    keypoints = common_keypoints(scene.observations, scene.timeline)
-    keypoints = replace(keypoints, offset_sd=result.spread.offset_sd)
-    weighted = with_keypoint_spread(
-        scene.body, keypoints, result.spread.keypoints_m, result.common, result.cameras
-    )
-    estimates = estimate_terms(scene, result.common, options)
-    return CommonEvidence(result.common, result.cameras, weighted, result.spread, estimates)
+    keypoints = replace(scene.keypoints, offset_sd=result.spread.offset_sd)
+    views = CommonViews(scene.body, keypoints, result.cameras, scene.fit.robust_scale_sigma)
+    views = with_keypoint_spread(views, result.common, result.spread.keypoints_m)
+    estimates = estimate_terms(scene, result.common.trans, options)
+    return CommonEvidence(result.common, views, result.spread, estimates)
 
 
 def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> CommonPosterior:
@@ -277,12 +265,13 @@ def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> Co
     Args:
         scene: with the priors of a posterior (`Noise.scene`).
     """
-    videos, cameras = range(len(scene.observations)), evidence.cameras
-    free = [v for v in videos if v != scene.reference and (evidence.keypoints.weight[v] > 0).any()]
+    videos, cameras = range(len(scene.observations)), evidence.views.cameras
+    keypoints = evidence.views.keypoints
+    free = [v for v in videos if v != scene.reference and (keypoints.weight[v] > 0).any()]
     motion = evidence.motion
     index = torch.tensor(free, dtype=torch.long, device=motion.trans.device)
     state = replace(motion, camera_R=cameras.R[index][None], camera_t=cameras.t[index][None])
-    views = views_of(evidence.keypoints, cameras, state.trans, free=free)
+    views = views_of(keypoints, cameras, state.trans, Unknowns(free))
     image = Reprojection(scene.body, views, scene.fit.robust_scale_sigma)
     terms = [
         *noise.temper([image], scene.fps),

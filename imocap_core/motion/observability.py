@@ -21,8 +21,8 @@ from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise, motions_at_once
 from imocap_core.motion.motion_posterior import CommonPosterior, MotionPosterior
-from imocap_core.motion.multiview.per_video import initial_offset_sd
-from imocap_core.motion.multiview.scene import JointMotion, Scene, align
+from imocap_core.motion.multiview.common_motion import initial_offset_sd
+from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.observations import per_video_view
 from imocap_core.motion.posterior_noise import HIPS, joint_jacobian
@@ -177,8 +177,8 @@ def _view(
 
 def camera_like(posterior: CommonPosterior) -> ExtraCamera:
     """A camera of the given ones' median distance, focal length and noise."""
-    keypoints, motion = posterior.evidence.keypoints, posterior.evidence.motion
-    cameras = posterior.evidence.cameras
+    keypoints, motion = posterior.evidence.views.keypoints, posterior.evidence.motion
+    cameras = posterior.evidence.views.cameras
     depth = motion.trans[0].mean(0) @ cameras.R.mT + cameras.t
     return ExtraCamera(
         float(depth[:, 2].median()),
@@ -292,7 +292,7 @@ def weak_spans(sigma: Float[np.ndarray, "T J"], limit: float, fps: float) -> lis
 
 def view_directions(scene: Scene, result: JointMotion) -> Float[np.ndarray, "M N 3"]:
     """Unit vectors from each camera to its performer, world axes; NaN where unmatched."""
-    aligned = align(scene.body, result.state, scene.timeline)
+    aligned = scene.aligned(result.state)
     ray = torch.nn.functional.normalize(aligned.root, dim=-1)
     world = torch.einsum("mji,mnj->mni", result.cameras.R, ray)
     unmatched = (aligned.weight <= 0)[..., None]

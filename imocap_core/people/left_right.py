@@ -110,7 +110,7 @@ def _foreshortening_deg(line: Float[np.ndarray, "T 2"], breadth: float) -> Float
     return np.degrees(np.arccos(np.clip(share, 0.0, 1.0)))
 
 
-LIMBS: tuple[tuple[str, ...], ...] = (
+LIMB_CHAINS: tuple[tuple[str, ...], ...] = (
     ("shoulder", "elbow", "wrist"),
     ("hip", "knee", "ankle", "heel", "big_toe", "small_toe", "foot_index"),
     ("eye", "ear", "eye_inner", "eye_outer", "mouth"),
@@ -125,7 +125,9 @@ NEAR_S = 0.2  # swaps less than so far apart are one choice
 def limbs_of(names: Sequence[str]) -> list[list[tuple[int, int]]]:
     """Column pairs (left, right) of each limb that a layout has."""
     pairs = left_right_pairs(names)
-    limbs = [[p for p in pairs if names[p[0]].removeprefix("left_") in parts] for parts in LIMBS]
+    limbs = [
+        [p for p in pairs if names[p[0]].removeprefix("left_") in parts] for parts in LIMB_CHAINS
+    ]
     return [limb for limb in limbs if limb]
 
 

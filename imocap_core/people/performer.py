@@ -233,7 +233,7 @@ MOTION_WEIGHT = 2.0  # of the log ratio of the distances without and with motion
 LEAST_DISTANCE_M = 0.01  # nearer poses are equal
 MAX_POSES = 60  # of a candidate
 MAX_COMBINATIONS = 4096  # of candidates that are tried exhaustively
-JOINTS = [
+COMPARED_JOINTS = [
     k
     for k, name in enumerate(SMPL_JOINTS)
     if any(p in name for p in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle", "head"))
@@ -255,8 +255,8 @@ class SeenMotion:
     def compared(self) -> tuple[Float[np.ndarray, "N J 3"], Float[np.ndarray, "N J"]]:
         """At most `MAX_POSES` poses of the joints that are compared, and their weights."""
         step = max(1, len(self.joints_m) // MAX_POSES)
-        weights = np.clip(self.visibility[::step, JOINTS], LEAST_VISIBILITY, 1.0)
-        return self.joints_m[::step, JOINTS], weights
+        weights = np.clip(self.visibility[::step, COMPARED_JOINTS], LEAST_VISIBILITY, 1.0)
+        return self.joints_m[::step, COMPARED_JOINTS], weights
 
 
 def rivals(scores: Sequence[float]) -> list[int]:

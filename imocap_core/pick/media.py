@@ -291,7 +291,7 @@ HEAD = 0.07  # radius of the head
 MARGIN_PX = 10
 MOST_PEOPLE = 12
 MOST_FRAMES = 3000  # with outlines; longer videos have them every few frames
-LIMBS = (
+OUTLINED_CHAINS = (
     ("shoulder", "elbow", "wrist"),
     ("hip", "knee", "ankle", "heel"),
     ("ankle", "big_toe"),
@@ -359,7 +359,7 @@ def _paint(mask: UInt8[np.ndarray, "H W"], points: dict[str, tuple[int, int]]) -
     for point in points.values():
         cv2.circle(mask, point, thick // 2, 255, -1)
     for side in ("left", "right"):
-        for limb in LIMBS:
+        for limb in OUTLINED_CHAINS:
             ends = [points[f"{side}_{part}"] for part in limb if f"{side}_{part}" in points]
             for a, b in pairwise(ends):
                 cv2.line(mask, a, b, 255, thick)

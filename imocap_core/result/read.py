@@ -85,19 +85,21 @@ def read_result(
     files = _files(keypoints, folder)
     lenses = {} if camera_motion is None else lenses_of(camera_motion, refined)
     videos = [
-        _video(
-            v,
-            detections[v.id],
-            replace(
-                _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
-                lens=lenses.get(v.id),
+        replace(
+            _video(
+                v,
+                detections[v.id],
+                replace(
+                    _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
+                    lens=lenses.get(v.id),
+                ),
+                sync,
+                artifacts.action,
+                f"{motion.model} {motion.model_digest}",
             ),
-            sync,
-            action=artifacts.action,
-            model=f"{motion.model} {motion.model_digest}",
-            file=files.get(v.id),
+            video=files.get(v.id),
             hands=_hands(fingers.get(v.id)),
-            uncertainty=_uncertainty(sigmas.get(v.id)),
+            joint_uncertainty=_uncertainty(sigmas.get(v.id)),
         )
         for v in motion.videos
     ]
@@ -150,19 +152,15 @@ def _video(
     detections: VideoKeypoints,
     camera: VideoCamera,
     sync: Synchronisation,
-    *,
     action: str,
     model: str,
-    file: Path | None,
-    hands: HandMotion | None,
-    uncertainty: JointUncertainty | None,
 ) -> VideoResult:
-    """One video, its body still in the axes of its first-frame camera."""
+    """One video's body, still in the axes of its first-frame camera."""
     return VideoResult(
         id=motion.id,
         action=action,
         keypoints=detections,
-        video=file,
+        video=None,
         camera=camera,
         fps=detections.fps,
         frames=detections.source_frames,
@@ -173,9 +171,9 @@ def _video(
         betas=motion.betas,
         trans=motion.trans,
         body_joints=motion.joints,
-        hands=hands,
+        hands=None,
         reprojection_px=motion.reprojection_px,
-        joint_uncertainty=uncertainty,
+        joint_uncertainty=None,
         sync=sync,
         model=model,
     )

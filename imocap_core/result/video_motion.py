@@ -42,7 +42,7 @@ from imocap_core.camera.gravity import (
 )
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import LevelPrior
-from imocap_core.conventions import SIDES, SMPL_JOINTS
+from imocap_core.conventions import JOINTS, SIDES, SMPL_JOINTS
 from imocap_core.motion.multiview.timeline import (
     FramePositions,
     common_grid,
@@ -270,7 +270,6 @@ def _vectors(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 3"]:
     return log(torch.as_tensor(R)).numpy()
 
 
-JOINTS = len(SMPL_JOINTS)
 LOOSELY_LEVEL = LevelPrior(roll_deg=5.0, pitch_deg=15.0, pitch_down_deg=0.0)
 
 

@@ -37,6 +37,15 @@ Reading order:
 """
 
 from imocap_core.sync.anchors import Anchor, Hints
+from imocap_core.sync.evidence import SyncEvidence
 from imocap_core.sync.synchronise import SyncResult, estimated_rates, screened, synchronise
 
-__all__ = ["Anchor", "Hints", "SyncResult", "estimated_rates", "screened", "synchronise"]
+__all__ = [
+    "Anchor",
+    "Hints",
+    "SyncEvidence",
+    "SyncResult",
+    "estimated_rates",
+    "screened",
+    "synchronise",
+]

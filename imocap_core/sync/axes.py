@@ -80,11 +80,9 @@ class ReferenceAxis:
             squares,
             matched_square,
             self.change[v],
-            fps=self.clocks.action_fps[v],
-            fps_to=self.clocks.action_fps[self.reference],
-            evidence_fps=self.clocks.evidence_fps[v],
+            self.clocks.pair(v, self.reference),
+            params,
             per_frame=params.positions_per_frame,
-            params=params,
             smooth_rate_share=0.0,
         )
         return posterior.trimmed(), matched

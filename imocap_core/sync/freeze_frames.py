@@ -1,12 +1,9 @@
 """Freeze frames: videos as videos of distinct pictures, and results for all their frames.
 
-Freeze frames: runs of frames with one and the same picture.
-
-A person who stands still is detected a little elsewhere in every frame; in a picture that is shown
-again nothing moves at all. All frames of such a run show one moment. To the synchronisation they
-are one frame: a second of them is no slow motion, and no thirty observations of one pose.
-
-Videos with freeze frames as videos of distinct pictures, and results of these for all frames.
+A freeze frame is a run of frames with one and the same picture. A person who stands still is
+detected a little elsewhere in every frame; in a picture that is shown again nothing moves at all.
+To the synchronisation such a run is one frame: a second of it is no slow motion, and no thirty
+observations of one pose.
 """
 
 from __future__ import annotations
@@ -20,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from imocap_core.sequences import runs
 from imocap_core.sync.anchors import Hints
+from imocap_core.sync.evidence import SyncEvidence
 from imocap_core.sync.joint_synchronisation import JointResult
 from imocap_core.sync.maps import BandedMap, BlockMaps, Blocks
 from imocap_core.sync.screening.registration import Keypoints2D
@@ -104,60 +102,46 @@ def _size(points: np.ndarray, visible: np.ndarray) -> float:
 Result = TypeVar("Result", bound=JointResult)
 
 
-def distinct_videos(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    fps: Sequence[float],
-    keypoints: Sequence[Keypoints2D] | None,
-) -> list[DistinctFrames]:
+def distinct_videos(evidence: SyncEvidence) -> list[DistinctFrames]:
     """Per video its distinct pictures, by the keypoints where they are given, else by the poses."""
-    if keypoints is None:
-        points = [(x, np.isfinite(x).all(axis=-1)) for x in poses]
+    if evidence.keypoints is None:
+        points = [(x, np.isfinite(x).all(axis=-1)) for x in evidence.poses]
     else:
-        points = [(k.xy_px, k.weight > 0) for k in keypoints]
+        points = [(k.xy_px, k.weight > 0) for k in evidence.keypoints]
     return [
         distinct_frames(frozen_runs(x, visible, f), len(x))
-        for (x, visible), f in zip(points, fps, strict=True)
+        for (x, visible), f in zip(points, evidence.fps, strict=True)
     ]
 
 
-@dataclass(frozen=True)
-class SyncEvidence:
-    """What synchronisation goes by; arguments of `synchronise`."""
-
-    poses: Sequence[Float[np.ndarray, "_T J 3"]]
-    confidence: Sequence[Float[np.ndarray, "_T J"]] | None
-    hints: Hints
-    keypoints: Sequence[Keypoints2D] | None = None
-    heights: Sequence[Float[np.ndarray, "_T"]] | None = None
-    reprojection: ReprojectionEvidence | None = None
-
-    def of_pictures(
-        self, videos: Sequence[DistinctFrames], excluded: Sequence[int] = ()
-    ) -> SyncEvidence:
-        """The same with one frame a picture; `excluded`: videos without reprojection."""
-        if not any(d.repeated for d in videos):
-            return self
-        first = [d.first for d in videos]
-        confidence, keypoints, reprojection = self.confidence, self.keypoints, self.reprojection
-        if confidence is not None:
-            confidence = [c[f] for c, f in zip(confidence, first, strict=True)]
-        if keypoints is not None:
-            rows = zip(keypoints, first, strict=True)
-            keypoints = [Keypoints2D(k.xy_px[f], k.weight[f]) for k, f in rows]
-        heights = self.heights
-        if heights is not None:
-            heights = [h[f] for h, f in zip(heights, first, strict=True)]
-        if reprojection is not None:
-            among = [d for v, d in enumerate(videos) if v not in excluded]
-            reprojection = _reprojection_of_pictures(reprojection, among)
-        return SyncEvidence(
-            [x[f] for x, f in zip(self.poses, first, strict=True)],
-            confidence,
-            hints_of_pictures(self.hints, videos),
-            keypoints,
-            heights,
-            reprojection,
-        )
+def of_pictures(
+    evidence: SyncEvidence, videos: Sequence[DistinctFrames], excluded: Sequence[int] = ()
+) -> SyncEvidence:
+    """The evidence with one frame a picture; `excluded`: videos without reprojection."""
+    if not any(d.repeated for d in videos):
+        return evidence
+    first = [d.first for d in videos]
+    confidence, keypoints = evidence.confidence, evidence.keypoints
+    heights, reprojection = evidence.heights, evidence.reprojection
+    if confidence is not None:
+        confidence = [c[f] for c, f in zip(confidence, first, strict=True)]
+    if keypoints is not None:
+        rows = zip(keypoints, first, strict=True)
+        keypoints = [Keypoints2D(k.xy_px[f], k.weight[f]) for k, f in rows]
+    if heights is not None:
+        heights = [h[f] for h, f in zip(heights, first, strict=True)]
+    if reprojection is not None:
+        among = [d for v, d in enumerate(videos) if v not in excluded]
+        reprojection = _reprojection_of_pictures(reprojection, among)
+    return replace(
+        evidence,
+        poses=[x[f] for x, f in zip(evidence.poses, first, strict=True)],
+        confidence=confidence,
+        keypoints=keypoints,
+        heights=heights,
+        hints=hints_of_pictures(evidence.hints, videos),
+        reprojection=reprojection,
+    )
 
 
 def hints_of_pictures(hints: Hints, videos: Sequence[DistinctFrames]) -> Hints:

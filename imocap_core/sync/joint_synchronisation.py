@@ -21,7 +21,7 @@ from imocap_core.sync.affinity import (
     affinity_matrix,
     distance_matrix,
 )
-from imocap_core.sync.anchors import Hints, anchored_distances
+from imocap_core.sync.anchors import anchored_distances
 from imocap_core.sync.axes import AxisChoice, ReferenceAxis, refined_over_axes
 from imocap_core.sync.confidence import (
     SLACK_S,
@@ -32,6 +32,7 @@ from imocap_core.sync.confidence import (
     repeats,
 )
 from imocap_core.sync.cycle import CycleReport, relax
+from imocap_core.sync.evidence import SyncEvidence
 from imocap_core.sync.maps import BlockMaps
 from imocap_core.sync.reference import (
     chosen_reference,
@@ -51,7 +52,6 @@ from imocap_core.sync.time_axis import (
     pace_spread,
 )
 from imocap_core.sync.warp.dtw import dtw_warps
-from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
 from imocap_core.sync.warp.soft_maps import Clocks
 
 WARPS = ("posterior", "dtw")
@@ -101,40 +101,35 @@ class JointResult:
 
 
 def synchronise_jointly(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    *,
-    fps: Sequence[float],
-    rates: Float[np.ndarray, " M"],
-    params: SyncParams,
-    rng: np.random.Generator,
-    confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
-    joint_weights: Float[np.ndarray, " J"] | None,
-    reference: int | None,
-    eligible: Sequence[bool],
-    hints: Hints,
-    heights: Sequence[Float[np.ndarray, "_T"]] | None = None,
-    reprojection: ReprojectionEvidence | None = None,
+    videos: SyncEvidence, params: SyncParams, rng: np.random.Generator, eligible: Sequence[bool]
 ) -> JointResult:
-    """Synchronise every video with the others; arguments as of `synchronise`.
+    """Synchronise every video with the others.
 
     Args:
-        rates: seconds of the action per second of each video (`playback_rates`).
+        videos: that all show the action, upright and with their rates.
         eligible: the videos to choose the reference from, if any of them is.
     """
     _check(params)
+    assert videos.rates is not None
+    fps, rates, hints = videos.fps, videos.rates, videos.hints
     clocks = Clocks(fps, rates)
     clock = clocks.action_fps
-    lengths, forbidden = [len(x) for x in poses], hints.forbidden_frames([len(x) for x in poses])
-    anchored = bool(hints.anchors)
+    lengths, forbidden = videos.lengths, hints.forbidden_frames(videos.lengths)
     distances = distance_matrix(
-        poses, confidence, joint_weights, clock, params, heights=heights, whole=anchored
+        videos.poses,
+        videos.confidence,
+        videos.joint_weights,
+        clock,
+        params,
+        heights=videos.heights,
+        whole=bool(hints.anchors),
     )
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
     affinity = affinities(distances, params.affinity)
     compared = compared_pairs(distances, clocks, params)
     matched, pairs, centralities = compared.matched, compared.pairs, compared.centralities
-    chosen = reference
+    chosen = videos.reference
     if chosen is None:
         pace = pace_spread(pairs, lengths, clocks)
         chosen = chosen_reference(centralities, pace, coverage(matched, blocks), eligible)
@@ -148,7 +143,7 @@ def synchronise_jointly(
         del evidence, compared  # their memory is needed
         choice = AxisChoice(clocks, hints, pairs, chosen, centralities)
         frames, masses, axis = refined_over_axes(
-            choice, distances, relaxed, matched, params, reprojection
+            choice, distances, relaxed, matched, params, videos.reprojection
         )
         repetitions = _repetitions(frames, distances, chosen, clock)
         certainty = _confidences(frames, masses, axis, distances, pairs, repetitions)

@@ -16,16 +16,12 @@ from jaxtyping import Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.affinity import Affinities, strides
-from imocap_core.sync.anchors import Hints, check_hints
-from imocap_core.sync.comparable_poses import body_scales, check_poses, joint_weights_of
-from imocap_core.sync.freeze_frames import SyncEvidence, distinct_videos, of_all_frames
+from imocap_core.sync.evidence import SyncEvidence
+from imocap_core.sync.freeze_frames import distinct_videos, of_all_frames, of_pictures
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
 from imocap_core.sync.maps import BlockMaps, Blocks
-from imocap_core.sync.screening.mirror import mirrored_poses
-from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.rate import playback_rates
-from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
 
 Part = TypeVar("Part")
 
@@ -46,171 +42,77 @@ class SyncResult(JointResult):
 
 
 def synchronise(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    *,
-    fps: Sequence[float],
+    evidence: SyncEvidence,
     params: SyncParams,
     rng: np.random.Generator,
-    confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
-    joint_weights: Float[np.ndarray, " J"] | None = None,
-    reference: int | None = None,
-    twins: Sequence[int] | None = None,
-    mirrored: Sequence[bool | None] | None = None,
-    hints: Hints | None = None,
     screening: Screening | None = None,
-    keypoints: Sequence[Keypoints2D] | None = None,
-    heights: Sequence[Float[np.ndarray, "_T"]] | None = None,
-    reprojection: ReprojectionEvidence | None = None,
-    rates: Float[np.ndarray, " M"] | None = None,
 ) -> SyncResult:
     """Find the counterpart in the reference video of every frame of every video.
 
     Frames that show one picture again (freeze frames) are one frame: one match, one observation.
 
     Args:
-        poses: per video, one unit for all, any axes and origin (each pose is aligned rigidly),
-            NaN = missing.
-        fps: per video.
         params: all but `joint_weights`, which name SMPL's joints.
         rng: draws the starting factor of the method `als`.
-        confidence: per video, in [0, 1].
-        joint_weights: of the joints of the poses, in their order.
-        reference: index of the reference video; chosen by centrality when None.
-        twins: each joint's mirror twin, needed to detect mirrored videos.
-        mirrored: per video True or False where that is given by the user.
-        hints: anchors and forbidden spans.
         screening: mirrored and excluded videos, when they were determined before.
-        keypoints: of the poses' joints in the same frames; where given, they decide which videos
-            are mirrored or show another action, not the poses.
-        heights: per video, height of the trunk in the unit of the poses, from any origin
-            (`picture_heights`); NaN unknown.
-        reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
-        rates: seconds of the action per second of each video (`estimated_rates`), when they were
-            estimated before.
 
     Raises:
         ValueError: shapes that don't fit, or impossible hints; names every fault.
     """
-    check_poses(poses, confidence, fps)
-    M = len(poses)
-    if reference is not None and not 0 <= reference < M:
-        raise ValueError(f"reference: expected 0 to {M - 1}, got {reference}")
-    hints = hints or Hints()
-    check_hints(hints, [len(x) for x in poses])
-    pictures = distinct_videos(poses, fps, keypoints)
-    given = SyncEvidence(poses, confidence, hints, keypoints, heights, reprojection)
-    evidence = given.of_pictures(pictures, () if screening is None else screening.excluded)
-    poses, confidence = evidence.poses, _without_forbidden(evidence)
-    scaled, weights = _scaled(poses, confidence, joint_weights)
-    if rates is None:
-        rates = playback_rates(scaled, weights, fps, params.max_rate)
+    evidence.check()
+    pictures = distinct_videos(evidence)
+    excluded = () if screening is None else screening.excluded
+    evidence = _with_rates(of_pictures(evidence, pictures, excluded).without_forbidden(), params)
     if screening is None:
-        clock = [f / r for f, r in zip(fps, rates, strict=True)]
-        declared, never = mirrored or [None] * M, [v == reference for v in range(M)]
-        screening = screen(
-            scaled, weights, clock, params, twins=twins, declared=declared,
-            never_outliers=never, keypoints=evidence.keypoints,
-        )  # fmt: skip
-    used = [v for v in range(M) if v not in screening.excluded]
-    upright = [_reflected(v, poses, confidence, screening, twins) for v in used]
+        screening = _screening_of(evidence, params)
+    rates = evidence.rates
+    assert rates is not None
+    used = [v for v in range(len(evidence.poses)) if v not in screening.excluded]
     joint = synchronise_jointly(
-        [x for x, _ in upright],
-        fps=[fps[v] for v in used],
-        rates=rates[used],
-        params=params,
-        rng=rng,
-        confidence=None if confidence is None else [c for _, c in upright if c is not None],
-        joint_weights=joint_weights,
-        reference=None if reference is None else used.index(reference),
-        eligible=[
+        evidence.reflected(screening.flipped).among(used),
+        params,
+        rng,
+        [
             v not in screening.flipped and bool(rates[v] == 1.0) and not pictures[v].repeated
             for v in used
         ],
-        hints=evidence.hints.among(used),
-        heights=None if evidence.heights is None else [evidence.heights[v] for v in used],
-        reprojection=evidence.reprojection,
     )
-    result = _of_all_videos(joint, used, [len(x) for x in poses], screening)
-    return of_all_frames(result, pictures)
+    return of_all_frames(_of_all_videos(joint, used, evidence.lengths, screening), pictures)
 
 
-def screened(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    *,
-    fps: Sequence[float],
-    params: SyncParams,
-    twins: Sequence[int],
-    keypoints: Sequence[Keypoints2D],
-    confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
-    joint_weights: Float[np.ndarray, " J"] | None = None,
-    mirrored: Sequence[bool | None] | None = None,
-    hints: Hints | None = None,
-    rates: Float[np.ndarray, " M"] | None = None,
-) -> Screening:
-    """Which videos are mirrored or show another action, as `synchronise` decides it, and with its
-    arguments."""
-    pictures = distinct_videos(poses, fps, keypoints)
-    evidence = SyncEvidence(poses, confidence, hints or Hints(), keypoints).of_pictures(pictures)
-    scaled, weights = _scaled(evidence.poses, _without_forbidden(evidence), joint_weights)
-    if rates is None:
-        rates = playback_rates(scaled, weights, fps, params.max_rate)
-    clock = [f / r for f, r in zip(fps, rates, strict=True)]
-    declared = mirrored or [None] * len(poses)
+def screened(evidence: SyncEvidence, params: SyncParams) -> Screening:
+    """Which videos are mirrored or show another action, as `synchronise` decides it."""
+    pictures = of_pictures(evidence, distinct_videos(evidence)).without_forbidden()
+    return _screening_of(_with_rates(pictures, params), params)
+
+
+def estimated_rates(evidence: SyncEvidence, params: SyncParams) -> Float[np.ndarray, " M"]:
+    """Seconds of the action per second of each video (`playback_rates`)."""
+    pictures = of_pictures(evidence, distinct_videos(evidence)).without_forbidden()
+    return playback_rates(*pictures.scaled(), evidence.fps, params.max_rate)
+
+
+def _with_rates(evidence: SyncEvidence, params: SyncParams) -> SyncEvidence:
+    """The evidence with the videos' rates, estimated where they are not given."""
+    if evidence.rates is not None:
+        return evidence
+    rates = playback_rates(*evidence.scaled(), evidence.fps, params.max_rate)
+    return replace(evidence, rates=rates)
+
+
+def _screening_of(evidence: SyncEvidence, params: SyncParams) -> Screening:
+    """The screening of videos whose rates are known; the reference is no outlier."""
+    assert evidence.rates is not None
+    videos = range(len(evidence.poses))
     return screen(
-        scaled, weights, clock, params, twins=twins, declared=declared, keypoints=evidence.keypoints
-    )  # fmt: skip
-
-
-def estimated_rates(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    *,
-    fps: Sequence[float],
-    params: SyncParams,
-    confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
-    joint_weights: Float[np.ndarray, " J"] | None = None,
-    hints: Hints | None = None,
-    keypoints: Sequence[Keypoints2D] | None = None,
-) -> Float[np.ndarray, " M"]:
-    """Seconds of the action per second of each video (`playback_rates`); arguments as of
-    `synchronise`."""
-    pictures = distinct_videos(poses, fps, keypoints)
-    evidence = SyncEvidence(poses, confidence, hints or Hints()).of_pictures(pictures)
-    scaled, weights = _scaled(evidence.poses, _without_forbidden(evidence), joint_weights)
-    return playback_rates(scaled, weights, fps, params.max_rate)
-
-
-def _scaled(
-    poses: Sequence[np.ndarray],
-    confidence: Sequence[np.ndarray] | None,
-    joint_weights: np.ndarray | None,
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Poses (T_v, J, 3) in body sizes, and the weights of their joints."""
-    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
-    return scaled, joint_weights_of(poses, confidence, joint_weights)
-
-
-def _without_forbidden(evidence: SyncEvidence) -> list[np.ndarray] | None:
-    """Confidences (T_v, J), 0 in forbidden frames."""
-    poses, confidence = evidence.poses, evidence.confidence
-    if not evidence.hints.forbidden:
-        return None if confidence is None else list(confidence)
-    given = confidence or [np.ones(x.shape[:2]) for x in poses]
-    forbidden = evidence.hints.forbidden_frames([len(x) for x in poses])
-    return [np.where(f[:, None], 0.0, c) for f, c in zip(forbidden, given, strict=True)]
-
-
-def _reflected(
-    v: int,
-    poses: Sequence[np.ndarray],
-    confidence: Sequence[np.ndarray] | None,
-    screening: Screening,
-    twins: Sequence[int] | None,
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Poses and confidences of a video, reflected if it is to be flipped."""
-    of_video = None if confidence is None else confidence[v]
-    if v not in screening.flipped or twins is None:
-        return poses[v], of_video
-    return mirrored_poses(poses[v], twins), None if of_video is None else of_video[:, list(twins)]
+        *evidence.scaled(),
+        [f / r for f, r in zip(evidence.fps, evidence.rates, strict=True)],
+        params,
+        twins=evidence.twins,
+        declared=evidence.mirrored or [None] * len(videos),
+        never_outliers=[v == evidence.reference for v in videos],
+        keypoints=evidence.keypoints,
+    )
 
 
 def _of_all_videos(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.bvh import JOINTS, as_lafan1, bvh_text, euler_zyx_deg, write_bvh
+from imocap_core.io.writers.bvh import LAFAN1_JOINTS, as_lafan1, bvh_text, euler_zyx_deg, write_bvh
 from imocap_core.io.writers.motion_clip import scaled, upright_rest
 from tests.io.made_clips import made_clip
 
@@ -120,13 +120,13 @@ def test_lafan1s_reader_finds_its_joints_where_ours_are() -> None:
     made = made_clip(frames=9, fps=30.0, hands=True)
     bones, step, rows = parse(bvh_text(scaled(as_lafan1(made.clip), 100.0)))
     joints = [bone for bone in bones if bone.channels]
-    assert [bone.name for bone in joints] == list(JOINTS)
+    assert [bone.name for bone in joints] == list(LAFAN1_JOINTS)
     assert [len(bone.channels) for bone in joints] == [6] + [3] * 21
     assert joints[1].channels == ["Zrotation", "Yrotation", "Xrotation"]
     assert step == pytest.approx(1 / 30)
     for t in (0, 8):
         found = positions_of(bones, rows[t])
-        for name, ours in JOINTS.items():
+        for name, ours in LAFAN1_JOINTS.items():
             place = made.clip.joints[t, made.clip.joint_names.index(ours)]
             np.testing.assert_allclose(found[name], 100 * place, atol=1e-3)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from imocap_core.motion.descent import LARGEST_DAMPING, descend
+from imocap_core.motion.gauss_newton import LARGEST_DAMPING, descend
 
 
 @dataclass

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from imocap_core.motion.multiview.common_motion import initial_offset_sd
 from imocap_core.motion.multiview.per_video import (
     facing_agreement,
     fit_deviations,
-    initial_offset_sd,
     targets_of,
 )
 from imocap_core.motion.multiview.scene import DeviationSpread, Scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.common_motion import free_focal_lengths
+from imocap_core.motion.multiview.common_motion import unknowns_of
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
@@ -78,13 +78,13 @@ def test_the_focal_likelihood_counts_once_per_action(made: Made) -> None:
             for v, o in enumerate(all_.observations)
         ],
     )
-    free = free_focal_lengths(some)
+    free = unknowns_of(some, [])
     assert list(free.videos) == [1, 3]
     assert free.weight.tolist() == pytest.approx([FRAMES / SPREAD**2] * 2)
 
 
 def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) -> None:
-    free = free_focal_lengths(assumed(made, SPREAD))
+    free = unknowns_of(assumed(made, SPREAD), [])
     state = replace(made.state, log_focal=torch.log(torch.as_tensor(OFF))[None])
     (prior,) = free.prior(made.cameras().K)
     assert float(prior.cost(state)) == pytest.approx(0.0, abs=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imocap_core.motion.multiview.leave_one_out import (
-    LIMBS,
+    HIDDEN_LIMBS,
     Prediction,
     hidden_points,
     motion_of_others,
@@ -84,7 +84,7 @@ def test_another_time_is_predicted_worse(made: Made) -> None:
 
 def test_a_limb_that_is_hidden_is_compared_and_nothing_else(made: Made) -> None:
     plain = whole(made)
-    limb = stretches(FRAMES, 30.0) % len(LIMBS)
+    limb = stretches(FRAMES, 30.0) % len(HIDDEN_LIMBS)
     for prediction in predicted_limbs(plain, in_own_axes(made)):
         assert ((prediction.weight > 0) == hidden_points(made.body.keypoints, limb)).all()
         assert 0.0 < prediction.median < 0.15

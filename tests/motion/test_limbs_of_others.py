@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.keypoint_evidence import contradicted, expected_by_others
+from imocap_core.motion.multiview.repair import contradicted, expected_by_others
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.alternation import Alternation, LoopRound, alternate, mean_change
+from imocap_core.motion.multiview.alternation import (
+    Alternation,
+    LoopRound,
+    LoopSteps,
+    alternate,
+    mean_change,
+)
 from imocap_core.motion.multiview.low_rank import low_rank_paths, low_rank_poses, low_rank_rows
 from imocap_core.motion.multiview.timeline import (
     make_timeline,
@@ -113,19 +119,17 @@ def rounds(
 ) -> Alternation[np.ndarray, list[np.ndarray], float]:
     """An alternation whose rounds have these costs and these correspondences."""
     cost, place = iter(costs), dict(zip([9.0, *costs], maps, strict=False))
-    return alternate(
-        LoopRound([np.zeros(4)], 9.0, 9.0, 0.0),
+    steps = LoopSteps(
         lambda: np.zeros(4),
         lambda motion: np.full(4, place[motion]),
         lambda sync, motion: next(cost),
         outline=lambda sync: [sync],
         maps=lambda outline: outline,
         cost=lambda motion: motion,
-        max_rounds=limit,
-        settled_frames=0.1,
-        least_rounds=least,
         finish=lambda sync, motion: None if final is None else final + motion,
     )
+    first = LoopRound([np.zeros(4)], 9.0, 9.0, 0.0)
+    return alternate(first, steps, max_rounds=limit, settled_frames=0.1, least_rounds=least)
 
 
 def test_alternation_stops_when_the_correspondences_settle() -> None:
@@ -159,17 +163,16 @@ def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:
 
 def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
     lost = np.array([2.0, np.nan, np.nan, 2.0])
-    done = alternate(
-        LoopRound([np.zeros(4)], 9.0, 9.0, 0.0),
+    steps = LoopSteps(
         lambda: np.zeros(4),
         lambda motion: lost,
         lambda sync, motion: 1.0,
         outline=lambda sync: [sync],
         maps=lambda outline: outline,
         cost=lambda motion: motion,
-        max_rounds=1,
-        settled_frames=0.1,
     )
+    first = LoopRound([np.zeros(4)], 9.0, 9.0, 0.0)
+    done = alternate(first, steps, max_rounds=1, settled_frames=0.1)
     assert [t.cost for t in done.rounds] == [9.0, 1.0]
     assert done.best == 0
     np.testing.assert_array_equal(done.sync, np.zeros(4))  # as a whole, asked for in the end

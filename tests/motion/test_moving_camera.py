@@ -10,7 +10,8 @@ from imocap_core.camera.projection import project_camera
 from imocap_core.motion.gauss_newton import linearise
 from imocap_core.motion.monocular.fit import estimate_path_unit, guessed_unit, stacked, with_unit
 from imocap_core.motion.monocular.starts import Start
-from imocap_core.motion.multiview.common_keypoints import common_keypoints, offset_precision
+from imocap_core.motion.multiview.common_motion import offset_precision
+from imocap_core.motion.multiview.scene import common_keypoints
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import (
     Observation,

@@ -8,16 +8,18 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise
-from imocap_core.motion.multiview.low_rank import COUPLED, CouplingTargets, position_coupling
+from imocap_core.motion.multiview.common_motion import finite_median, initial_offset_sd
 from imocap_core.motion.multiview.per_video import (
     CONTACT_SCALE,
+    COUPLED,
     LEAST_SPREAD_M,
+    CouplingTargets,
     deviation_terms,
-    finite_median,
     fit_deviations,
     foot_contact_term,
-    initial_offset_sd,
     pooled_spread_m,
+    position_coupling,
+    targets_of,
 )
 from imocap_core.motion.multiview.scene import DeviationSpread
 from imocap_core.motion.state import Body, MotionState
@@ -100,7 +102,8 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
     spread = DeviationSpread(np.full((3, 20, 25), spread_m), initial_offset_sd(3, MotionParams()))
     options = replace(OPTIONS, correlation_s=0.0)
     faces = torch.ones_like(state.trans[..., 0])
-    terms = deviation_terms(all_, state, made.state, made.cameras(), spread, options, faces)
+    targets = targets_of(all_, state, made.state, made.cameras())
+    terms = deviation_terms(all_, state, made.state, targets, spread, options, faces)
     wrist = made.body.keypoints.names.index("left_wrist")
     hip = made.body.keypoints.names.index("mid_hip")
     derivatives = made.body.derivatives(made.body.keypoints, state).d_pose

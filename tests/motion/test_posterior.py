@@ -21,7 +21,8 @@ from imocap_core.motion.motion_posterior import (
     per_video_posterior,
     with_common_motion,
 )
-from imocap_core.motion.multiview.scene import JointMotion, Scene, per_video_terms
+from imocap_core.motion.multiview.per_video import per_video_terms
+from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.posterior_noise import Noise, joint_jacobian, vector_covariance

@@ -8,9 +8,9 @@ import torch
 
 from imocap_core.camera.averaging import angle_deg
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.multiview.common_motion import misfit
+from imocap_core.motion.multiview.common_motion import misfit, spread_beyond_noise_m
 from imocap_core.motion.multiview.low_rank import agreement, to_world
-from imocap_core.motion.multiview.per_video import joint_spread_rad, spread_beyond_noise_m
+from imocap_core.motion.multiview.per_video import joint_spread_rad
 from imocap_core.motion.multiview.scene import Scene, align, cameras_from_motion
 from imocap_core.motion.multiview.smpl_ba import common_then_deviations, recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline

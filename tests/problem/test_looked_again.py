@@ -21,7 +21,7 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.body.layouts import layout_names
-from imocap_core.motion.multiview.keypoint_evidence import SURE
+from imocap_core.motion.multiview.repair import SURE
 from tests.problem.test_joint import problem
 from tests.report.made import Made
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.adapters.loop_sync import decided_again
 from imocap_core.adapters.participants import mirrored_keypoints
-from imocap_core.adapters.synchronisation import screening_of_motions
+from imocap_core.adapters.synchronisation import evidence_of
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 from imocap_core.motion.state import mirrored_joints
 from imocap_core.params import SyncParams
-from imocap_core.sync import Hints
+from imocap_core.sync import screened
 from imocap_core.sync.screening.screening import Screening, corrected, sentences
 from tests.report.made import K, Made
 
@@ -37,9 +39,9 @@ def again(
     declared: list[bool | None] | None = None,
 ) -> SyncSummary | None:
     joints = joints or [motion.joints for motion in made.true]
-    given = (joints, keypoints or made.keypoints, SyncParams(), Hints())
-    second = screening_of_motions(*given, mirrored=declared or [None] * 4, rates=np.ones(4))
-    return decided_again(first, second)
+    evidence = evidence_of(joints, keypoints or made.keypoints, SyncParams())
+    evidence = replace(evidence, mirrored=declared or [None] * 4, rates=np.ones(4))
+    return decided_again(first, screened(evidence, SyncParams()))
 
 
 def test_nothing_changes_where_the_first_screening_was_right(made: Made) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.sync import SyncResult, affinity, synchronise
+from imocap_core.sync import SyncEvidence, SyncResult, affinity, synchronise
 from imocap_core.sync.maps import BandedMap, refined_bands
 from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated
 
@@ -16,7 +16,7 @@ def synchronised(phases: list[np.ndarray]) -> SyncResult:
     rng = np.random.default_rng(3)
     poses = [estimated(phase, rng) for phase in phases]
     params = replace(PARAMS, outliers="ignore", mirrored="ignore", consensus_rounds=1)
-    return synchronise(poses, fps=[FPS] * 2, params=params, rng=rng, reference=0)
+    return synchronise(SyncEvidence(poses, [FPS] * 2, reference=0), params, rng)
 
 
 def test_maps_by_way_of_every_third_frame_are_those_of_all(

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from imocap_core.sync import estimated_rates
+from imocap_core.sync import SyncEvidence, estimated_rates
 from imocap_core.sync.warp.rate import log_playback_rates, playback_rates
 from imocap_core.sync.warp.soft_maps import Clocks
 from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated, pose_at, run
@@ -105,7 +105,7 @@ def test_clocks_tell_the_action_s_time() -> None:
 def test_rates_that_were_estimated_before_give_the_same_maps() -> None:
     _, poses = videos([1.0, 0.25, 0.9], 4, seconds=3.5)
     params = replace(PARAMS, max_rate=32.0)
-    given = estimated_rates(poses, fps=[FPS] * 3, params=params)
+    given = estimated_rates(SyncEvidence(poses, [FPS] * 3), params)
     assert given[1] < 0.5
     plain, again = run(poses, params), run(poses, params, rates=given)
     for a, b in zip(plain.reference_frame, again.reference_frame, strict=True):

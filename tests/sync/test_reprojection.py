@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imocap_core.params import MotionParams
-from imocap_core.sync import synchronise
+from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.sync.axes import increasing
 from imocap_core.sync.maps import BandedMap, blocks_of_frames
 from imocap_core.sync.warp import template as offset_squares
@@ -133,14 +133,8 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(
     params = replace(PARAMS, outliers="ignore", mirrored="ignore")
 
     def error(reprojection: ReprojectionEvidence | None) -> float:
-        result = synchronise(
-            poses,
-            fps=[30.0] * videos,
-            params=params,
-            rng=np.random.default_rng(0),
-            reference=0,
-            reprojection=reprojection,
-        )
+        evidence = SyncEvidence(poses, [30.0] * videos, reference=0, reprojection=reprojection)
+        result = synchronise(evidence, params, np.random.default_rng(0))
         others = np.stack(result.reference_frame[1:])
         return float(np.nanmean(np.abs(others - np.arange(frames)), axis=1).max())
 

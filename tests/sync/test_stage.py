@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from imocap_core.adapters.sync_maps import affinity_between
-from imocap_core.adapters.synchronisation import synchronise_motions
-from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
+from imocap_core.adapters.synchronisation import evidence_of, synchronise_motions
+from imocap_core.artifacts.schemas import Keypoints, Sync, VideoKeypoints, VideoMotion
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from tests.sync.test_synchronise import PARAMS, pose_at
@@ -40,9 +40,16 @@ def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Key
     return [motion.joints for motion in motions], Keypoints(videos=detections)
 
 
+def synchronised(
+    joints: list[np.ndarray], keypoints: Keypoints, reference: str | None = None
+) -> Sync:
+    evidence, rng = evidence_of(joints, keypoints, PARAMS), np.random.default_rng(0)
+    return synchronise_motions(evidence, keypoints, PARAMS, rng, reference=reference)
+
+
 def test_maps_are_named_and_lie_where_they_should() -> None:
     joints, keypoints = made(["a", "b"], [0.0, 0.4])
-    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    sync = synchronised(joints, keypoints, "a")
     assert sync.reference == "a"
     assert [m.id for m in sync.maps] == ["a", "b"]
     frames = sync.maps[1].reference_frame
@@ -55,14 +62,14 @@ def test_a_frame_without_detections_does_not_count() -> None:
     joints, keypoints = made(["a", "b"], [0.0, 0.4])
     joints[1][20:24] = np.random.default_rng(1).normal(size=(4, 24, 3))
     keypoints.videos[1].confidence[20:24] = 0.0
-    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    sync = synchronised(joints, keypoints, "a")
     frames = sync.maps[1].reference_frame[18:26]
     assert np.abs(frames - np.arange(28, 36)).max() < 1.5
 
 
 def test_one_video_is_its_own_reference() -> None:
     joints, keypoints = made(["only"], [0.0])
-    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0))
+    sync = synchronised(joints, keypoints)
     np.testing.assert_array_equal(sync.maps[0].reference_frame, np.arange(60.0))
     assert "nothing to synchronise" in sync.status
 
@@ -70,13 +77,13 @@ def test_one_video_is_its_own_reference() -> None:
 def test_unknown_reference_is_refused() -> None:
     joints, keypoints = made(["a"], [0.0])
     with pytest.raises(ValueError, match="z"):
-        synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="z")
+        synchronised(joints, keypoints, "z")
 
 
 def test_what_two_videos_show_beyond_the_reference_they_are_sure_of() -> None:
     """The second ends 10 frames after the reference, the third 20."""
     joints, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
-    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    sync = synchronised(joints, keypoints, "a")
     assert sync.trust is not None
     a, b, c = (video.phase_confidence for video in sync.trust.videos)
     assert a is not None
@@ -91,7 +98,7 @@ def test_what_two_videos_show_beyond_the_reference_they_are_sure_of() -> None:
 def test_trust_and_phase_travel_with_the_artifact() -> None:
     joints, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
     films = filmed(keypoints, joints, [0.0, 1.3, 2.6])
-    sync = synchronise_motions(joints, films, PARAMS, np.random.default_rng(0), reference="a")
+    sync = synchronised(joints, films, "a")
     assert sync.trust is not None
     assert [v.id for v in sync.trust.videos] == ["a", "b", "c"]
     for video, offset in zip(sync.trust.videos, [0.0, 0.4, 0.8], strict=True):
@@ -126,17 +133,16 @@ def test_keypoints_that_the_others_explain_keep_a_video_in() -> None:
     ids, sides = ["a", "b", "c", "d"], [0.0, 1.3, 2.6, 4.0]
     right, keypoints = made(ids, [0.0, 0.4, 0.8, 0.2])
     wrong, _ = made(ids, [0.0, 0.4, 0.8, 60.0])
-    rng = np.random.default_rng(0)
-    sync = synchronise_motions(wrong, filmed(keypoints, right, sides), PARAMS, rng)
+    sync = synchronised(wrong, filmed(keypoints, right, sides))
     assert sync.excluded == []
-    stranger = synchronise_motions(wrong, filmed(keypoints, wrong, sides), PARAMS, rng)
+    stranger = synchronised(wrong, filmed(keypoints, wrong, sides))
     assert stranger.excluded == ["d"]
 
 
 def test_an_excluded_video_is_named_and_unmatched() -> None:
     joints, keypoints = made(["a", "b", "c", "d"], [0.0, 0.4, 0.8, 60.0])
     films = filmed(keypoints, joints, [0.0, 1.3, 2.6, 4.0])
-    sync = synchronise_motions(joints, films, PARAMS, np.random.default_rng(0))
+    sync = synchronised(joints, films)
     assert sync.excluded == ["d"]
     assert np.isnan(sync.maps[3].reference_frame).all()
     assert sync.notes[0].startswith("d seems to show another action")

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import axes, synchronise
+from imocap_core.sync import SyncEvidence, axes, synchronise
 
 PARAMS = SyncParams(
     affinity="reciprocal",
@@ -80,8 +80,9 @@ def error_s(
 
 
 def run(poses: Sequence[np.ndarray], params: SyncParams = PARAMS, **given):
-    given = {"fps": [FPS] * len(poses), "rng": np.random.default_rng(0)} | given
-    return synchronise(poses, params=params, **given)
+    given = {"fps": [FPS] * len(poses)} | given
+    rng, screening = given.pop("rng", np.random.default_rng(0)), given.pop("screening", None)
+    return synchronise(SyncEvidence(poses, **given), params, rng, screening)
 
 
 def run_four(poses: Sequence[np.ndarray], params: SyncParams = PARAMS, **given):

@@ -14,6 +14,7 @@ from imocap_core.sync.comparable_poses import (
     squared_differences,
     vertical_motion,
 )
+from imocap_core.sync.evidence import SyncEvidence
 from imocap_core.sync.synchronise import synchronise
 from tests.sync.test_synchronise import PARAMS
 
@@ -36,10 +37,8 @@ def test_landings_fall_on_landings_where_the_pose_does_not_change() -> None:
     T, late_s = 75, 0.2
     poses = [still_poses(T, 1), still_poses(T, 2)]
     heights = [jumps(T, 0.0), jumps(T, late_s, 0.25)]
-    sync = synchronise(
-        poses, fps=[FPS] * 2, params=replace(PARAMS, outliers="ignore"),
-        rng=np.random.default_rng(0), heights=heights, reference=0,
-    )  # fmt: skip
+    evidence = SyncEvidence(poses, [FPS] * 2, heights=heights, reference=0)
+    sync = synchronise(evidence, replace(PARAMS, outliers="ignore"), np.random.default_rng(0))
     there = jumps(T, 0.0)[np.rint(sync.reference_frame[1][10:65]).astype(int)]
     assert np.corrcoef(there, heights[1][10:65])[0, 1] > 0.95
 

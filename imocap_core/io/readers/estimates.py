@@ -20,11 +20,11 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
+from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
 from imocap_core.io.readers.people import LARGEST, read_json, short, type_name
 from imocap_core.rotations import exp
 
-JOINTS = 24  # SMPL's
 REACH = 0.75  # of the larger side of the performer's box: further away it is somebody else
 _TOLERANCE = 0.05  # of R Rᵀ - 1 of a rotation matrix
 

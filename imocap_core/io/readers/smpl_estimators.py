@@ -72,10 +72,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
+from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
 from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
 from imocap_core.io.readers.estimates import (
-    JOINTS,
     Entries,
     PerformerBoxes,
     PersonInFrame,

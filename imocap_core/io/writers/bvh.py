@@ -100,7 +100,7 @@ FPS = 30.0
 LEG = (("UpLeg", "hip"), ("Leg", "knee"), ("Foot", "ankle"), ("Toe", "foot"))
 ARM = (("Shoulder", "collar"), ("Arm", "shoulder"), ("ForeArm", "elbow"), ("Hand", "wrist"))
 SIDES = (("Left", "left"), ("Right", "right"))
-JOINTS: dict[str, str] = {
+LAFAN1_JOINTS: dict[str, str] = {
     "Hips": "pelvis",
     **{f"{side}{name}": f"{ours}_{joint}" for side, ours in SIDES for name, joint in LEG},
     **{"Spine": "spine1", "Spine1": "spine2", "Spine2": "spine3", "Neck": "neck", "Head": "head"},
@@ -116,7 +116,7 @@ def as_lafan1(clip: MotionClip) -> MotionClip:
     The world must have y up.
     """
     turned = with_rest(clip, np.swapaxes(joint_axes(clip), -1, -2))
-    chosen = [clip.joint_names.index(joint) for joint in JOINTS.values()]
+    chosen = [clip.joint_names.index(joint) for joint in LAFAN1_JOINTS.values()]
     place = {joint: n for n, joint in enumerate(chosen)}
     offsets = turned.offsets
     tips = dict(turned.tips)
@@ -125,7 +125,7 @@ def as_lafan1(clip: MotionClip) -> MotionClip:
             tips.setdefault(parent, offsets[joint])  # of a hand, to its knuckles
     subset = replace(
         turned,
-        joint_names=tuple(JOINTS),
+        joint_names=tuple(LAFAN1_JOINTS),
         parents=tuple(place.get(clip.parents[joint], -1) for joint in chosen),
         rest=turned.rest[chosen],
         tips={place[joint]: tip for joint, tip in tips.items() if joint in place},

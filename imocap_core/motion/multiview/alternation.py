@@ -45,64 +45,80 @@ class Alternation(Generic[S, R, M]):
     status: str
 
 
-def alternate(
-    first: LoopRound[R, M],
-    first_sync: Callable[[], S],
-    synchronise: Callable[[M], S],
-    recover: Callable[[S, M], M],
-    *,
-    outline: Callable[[S], R],
-    maps: Callable[[R], Sequence[Float[np.ndarray, " _"]]],
-    cost: Callable[[M], float],
-    max_rounds: int,
-    settled_frames: float,
-    least_rounds: int = 0,
-    finish: Callable[[S, M], M | None] = lambda sync, motion: None,
-) -> Alternation[S, R, M]:
-    """Alternate until the correspondences move less than ``settled_frames`` on average.
+def no_finish(sync: object, motion: object) -> None:
+    """The best round's motion is the final one."""
 
-    The last round is the result, unless it matches fewer frames than others do, or its cost has run
-    away from the lowest; `finish` may make another of it.
 
-    Args:
-        first: the single pass; first_sync: its correspondences as a whole, which are asked for only
-            where they are the result's.
+@dataclass(frozen=True)
+class LoopSteps(Generic[S, R, M]):
+    """What the loop does, and what it reads of it.
+
+    Attributes:
+        first_sync: the single pass's correspondences as a whole, which are asked for only where
+            they are the result's.
         synchronise: new correspondences from a motion, the same ones whenever it is asked.
         recover: a new motion from correspondences and the motion before.
         outline: what a round keeps of its correspondences: all of them are large, and only the
             result's are needed in the end.
         maps: the per-video maps (T_v,) of an outline; cost: of a motion.
-        least_rounds: that are gone through before the correspondences may settle.
         finish: the final motion, from the final correspondences and the best round's motion; None
             where that round's is final. Not asked about the single pass.
     """
+
+    first_sync: Callable[[], S]
+    synchronise: Callable[[M], S]
+    recover: Callable[[S, M], M]
+    outline: Callable[[S], R]
+    maps: Callable[[R], Sequence[Float[np.ndarray, " _"]]]
+    cost: Callable[[M], float]
+    finish: Callable[[S, M], M | None] = no_finish
+
+
+def alternate(
+    first: LoopRound[R, M],
+    steps: LoopSteps[S, R, M],
+    *,
+    max_rounds: int,
+    settled_frames: float,
+    least_rounds: int = 0,
+) -> Alternation[S, R, M]:
+    """Alternate until the correspondences move less than ``settled_frames`` on average.
+
+    The last round is the result, unless it matches fewer frames than others do, or its cost has run
+    away from the lowest; `LoopSteps.finish` may make another of it.
+
+    Args:
+        first: the single pass.
+        least_rounds: that are gone through before the correspondences may settle.
+    """
+    outline, maps, cost = steps.outline, steps.maps, steps.cost
     rounds = [first]
     latest: S | None = None
     status = f"stopped after {max_rounds} rounds, before the correspondences converged"
     if max_rounds == 0:
         status = "has no rounds"
     for _ in range(max_rounds):
-        latest = synchronise(rounds[-1].motion)
+        latest = steps.synchronise(rounds[-1].motion)
         sync = outline(latest)
         change = mean_change(maps(rounds[-1].sync), maps(sync))
         if change < settled_frames and len(rounds) > least_rounds:
             status = f"converged: one more round moves the correspondences by {change:.2f} frames"
             break
-        motion = recover(latest, rounds[-1].motion)
+        motion = steps.recover(latest, rounds[-1].motion)
         rounds.append(LoopRound(sync, motion, cost(motion), change))
     best = _best_round(rounds, [matched_share(maps(r.sync)) for r in rounds])
     words = f"round {best}" if best else "the first joint solve"
     if best < len(rounds) - 1:
         words += ", because later ones fit worse or match less"
-        latest = synchronise(rounds[best - 1].motion) if best else None
+        latest = steps.synchronise(rounds[best - 1].motion) if best else None
     words = f"{status}; the result is that of {words}"
-    final = None if latest is None or not best else finish(latest, rounds[best].motion)
+    final = None if latest is None or not best else steps.finish(latest, rounds[best].motion)
     if final is not None and latest is not None:
         sync = outline(latest)
         change = mean_change(maps(rounds[best].sync), maps(sync))
         rounds.append(LoopRound(sync, final, cost(final), change))
         best, words = len(rounds) - 1, f"{words}, solved afresh"
-    return Alternation(rounds, best, first_sync() if latest is None else latest, words)
+    return Alternation(rounds, best, steps.first_sync() if latest is None else latest, words)
 
 
 def _best_round(rounds: Sequence[LoopRound[R, M]], shares: Sequence[float]) -> int:

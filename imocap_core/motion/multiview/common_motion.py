@@ -1,72 +1,65 @@
-"""The motion common to all videos, fitted to every view's 2D at once.
+"""The motion common to all videos, fitted to every view's 2D at once: bundle adjustment proper.
 
-Unknown focal lengths, solved with the common motion as far as it determines them.
+Averaging monocular fits keeps their depth errors; fitting one motion to all views' 2D removes
+them. Poses, shape, cameras and unknown focal lengths are unknowns of one system. In between, how
+far each performance deviates is estimated anew, and its keypoints count accordingly.
 
 A focal length shows in how a body's near and far parts differ in size, and in how its size changes
 along a path that the other videos see from elsewhere. Performances that differ change both for as
-long as the action lasts, however many frames show it; so against the prior the focal likelihood
-counts once per action. Where videos show one motion that is enough to find the focal length; where
-they differ, or nothing moves much, the assumed value stays.
+long as the action lasts, so against the prior the focal likelihood counts once per action.
 
-Averaging monocular fits keeps their depth errors; fitting one motion to all views' 2D removes
-them. This is bundle adjustment proper: poses, shape, cameras and unknown focal lengths are unknowns
-of one system.
+A performance's per-frame rigid offset (`terms.view`) has six standard deviations a video, by
+expectation maximisation: given these, every frame's offset has a posterior; given the posteriors,
+the variance is their mean square. What reprojection errors have beyond that and detector noise is
+the spread of single keypoints. It is observed in the image plane; in depth the same is assumed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.gauss_newton import HALVES, Solution
+from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
 from imocap_core.motion.monocular.fit import Progress, regularisers
-from imocap_core.motion.multiview.common_keypoints import (
-    CommonKeypoints,
-    common_estimates,
-    common_keypoints,
-    reprojection_errors_px,
-    views_of,
-)
-from imocap_core.motion.multiview.per_video import (
-    estimate_offset_sd,
-    initial_offset_sd,
-    keypoint_spread_m,
-    with_keypoint_spread,
-)
 from imocap_core.motion.multiview.scene import (
+    TOLERANCE,
     Cameras,
+    CommonKeypoints,
     DeviationSpread,
     Scene,
     correlation_frames,
-    solve,
+    root_positions,
 )
+from imocap_core.motion.multiview.timeline import sample_keypoints
 from imocap_core.motion.state import Body, MotionState
-from imocap_core.motion.terms import FocalPrior, Reprojection, Term
-from imocap_core.motion.terms.view import with_focal
+from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Term, View
+from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
+from imocap_core.workers import at_once, in_turn
 
 
 @dataclass(frozen=True)
-class FreeFocalLengths:
-    """Videos whose focal lengths are unknowns, with their prior.
+class Unknowns:
+    """What is solved for with the common motion and its shape, in the order of the state's.
 
     Attributes:
-        videos: F indices, in the order of the state's focal lengths.
+        cameras: videos whose cameras are unknowns; videos: F of them, whose focal lengths are.
         assumed_px: (F,) the prior's means; weight: (F,) of the squared error of a logarithm.
     """
 
-    videos: Sequence[int]
-    assumed_px: Float[Tensor, " F"]
-    weight: Float[Tensor, " F"]
+    cameras: Sequence[int] = ()
+    videos: Sequence[int] = ()
+    assumed_px: Float[Tensor, " F"] = field(default_factory=lambda: torch.zeros(0))
+    weight: Float[Tensor, " F"] = field(default_factory=lambda: torch.zeros(0))
 
     def prior(self, K: Float[Tensor, "M 3 3"]) -> list[FocalPrior]:
-        """The prior as a term about views with intrinsics K."""
+        """The prior of the focal lengths as a term about views with intrinsics K."""
         if not self.videos:
             return []
         now = K[list(self.videos), 0, 0]
@@ -81,15 +74,243 @@ class FreeFocalLengths:
         return K
 
 
-NO_FREE_FOCAL_LENGTHS = FreeFocalLengths((), torch.zeros(0), torch.zeros(0))
+NO_UNKNOWNS = Unknowns()
 
 
-def free_focal_lengths(scene: Scene) -> FreeFocalLengths:
-    """The unknown focal lengths of a scene's videos."""
+def unknowns_of(scene: Scene, cameras: Sequence[int]) -> Unknowns:
+    """Some videos' cameras, and the focal lengths that are unknown."""
     videos = [v for v, o in enumerate(scene.observations) if o.focal_spread > 0]
     spread = torch.tensor([scene.observations[v].focal_spread for v in videos])
     frames = len(scene.timeline.from_reference[scene.reference])
-    return FreeFocalLengths(videos, scene.K[videos, 0, 0], frames / spread**2)
+    return Unknowns(cameras, videos, scene.K[videos, 0, 0], frames / spread**2)
+
+
+@dataclass(frozen=True)
+class CommonViews:
+    """Every video's view of the common motion: its keypoints at the reference's frames, its camera.
+
+    Attributes:
+        robust_scale: of the reprojection errors, in standard deviations.
+    """
+
+    body: Body
+    keypoints: CommonKeypoints
+    cameras: Cameras
+    robust_scale: float
+
+
+def views_of(
+    keypoints: CommonKeypoints,
+    cameras: Cameras,
+    template: Tensor,
+    unknowns: Unknowns = NO_UNKNOWNS,
+) -> tuple[View, ...]:
+    """One view a video; template: gives dtype and device."""
+    free, free_focal = list(unknowns.cameras), list(unknowns.videos)
+    views = []
+    for v in range(len(keypoints.xy_px)):
+        arrays = (keypoints.xy_px[v], keypoints.weight[v], cameras.K[v])
+        xy, weight, K = (torch.as_tensor(a).to(template)[None] for a in arrays)
+        focal = free_focal.index(v) if v in free_focal else None
+        camera = free.index(v) if v in free else None
+        precision = None
+        if keypoints.offset_sd is not None:
+            precision = offset_precision(keypoints, v, template)
+        R, t = cameras.R[v][None], cameras.t[v][None]
+        performer = keypoints.performers[v] if keypoints.performers else 0
+        places = keypoints.centre_m
+        centre = None if places is None else torch.as_tensor(places[v]).to(template)[None]
+        views.append(View(xy, weight, K, R, t, camera, focal, precision, performer, centre))
+    return tuple(views)
+
+
+def offset_precision(
+    keypoints: CommonKeypoints, video: int, template: Tensor
+) -> Float[Tensor, "1 N 6"]:
+    """Inverse variances of a performance's rigid offset; its translation is also as uncertain as
+    the camera's path."""
+    assert keypoints.offset_sd is not None
+    sharp = torch.as_tensor(keypoints.offset_sd[video] ** -2.0).to(template)
+    precision = sharp.expand(1, keypoints.xy_px.shape[1], -1)
+    if keypoints.place_sd_m is None:
+        return precision
+    place = torch.as_tensor(keypoints.place_sd_m[video]).to(template)[None, :, None]
+    variance = 1 / precision
+    return 1 / torch.cat([variance[..., :3], variance[..., 3:] + place.square()], -1)
+
+
+def image_term(views: CommonViews, motion: MotionState) -> Reprojection:
+    """All views' reprojection of a common motion (batch of 1, world axes), nothing else unknown."""
+    seen_by = views_of(views.keypoints, views.cameras, motion.trans)
+    return Reprojection(views.body, seen_by, views.robust_scale)
+
+
+def reprojection_errors_px(views: CommonViews, motion: MotionState) -> Float[np.ndarray, "M N K 2"]:
+    """Signed errors of the common motion, rigid offsets taken out; NaN where missing."""
+    term = image_term(views, motion)
+    errors = []
+    for view in term.views:
+        xyz, _ = term.offset_points(view, motion)
+        pixels, _ = project(view, xyz)
+        error = torch.where(view.weight[..., None] > 0, pixels - view.xy_px, torch.nan)
+        errors.append(error[0].cpu().numpy())
+    return np.stack(errors)
+
+
+def root_depths_m(views: CommonViews, motion: MotionState) -> Float[np.ndarray, "M N"]:
+    """Depth of the common motion's root in every view, metres."""
+    root, cameras = root_positions(views.body, motion)[0], views.cameras
+    z = torch.einsum("mj,nj->mn", cameras.R[:, 2], root) + cameras.t[:, None, 2]
+    if views.keypoints.centre_m is not None:
+        z = z - torch.as_tensor(views.keypoints.centre_m[..., 2]).to(z)
+    return z.clamp_min(0.1).cpu().numpy()
+
+
+ROUNDS = 6
+MIN_KEYPOINTS = 4  # fewer do not determine a rigid offset
+
+
+def initial_offset_sd(videos: int, options: MotionParams) -> Float[np.ndarray, "M 6"]:
+    """Generous standard deviations at which the estimation starts: rad, rad, rad, m, m, m."""
+    rotation, translation = options.rigid_offset_start_rad, options.rigid_offset_start_m
+    return np.tile([rotation] * 3 + [translation] * 3, (videos, 1))
+
+
+def with_initial_offsets(scene: Scene, options: MotionParams) -> CommonKeypoints:
+    """A scene's keypoints, every performance with a rigid offset of generous spread."""
+    first = initial_offset_sd(len(scene.observations), options)
+    return replace(scene.keypoints, offset_sd=first)
+
+
+def estimate_offset_sd(
+    views: CommonViews, motion: MotionState, options: MotionParams
+) -> CommonViews:
+    """Offset spreads estimated from the views' keypoints; one without keypoints keeps its own.
+
+    Args:
+        motion: the common one (batch of 1, world axes).
+    """
+    keypoints = views.keypoints
+    if keypoints.offset_sd is None:
+        return views
+    term = image_term(views, motion)
+    pairs = list(zip(term.views, keypoints.offset_sd, strict=True))
+    each = in_turn if motion.trans.is_cuda else at_once
+    spread = each(lambda pair: _offset_sd(term, pair[0], motion, pair[1], options), pairs)
+    return replace(views, keypoints=replace(keypoints, offset_sd=np.stack(spread)))
+
+
+def _offset_sd(
+    term: Reprojection, view: View, motion: MotionState, before: np.ndarray, options: MotionParams
+) -> np.ndarray:
+    usable = (view.weight > 0).sum(-1)[0] >= MIN_KEYPOINTS
+    if not bool(usable.any()):
+        return before
+    sigma, offset = torch.as_tensor(before).to(motion.trans), None
+    for _ in range(ROUNDS):
+        precision = sigma.pow(-2).expand(1, len(usable), -1)
+        offset, sharpness = term.rigid_offsets(view, motion, precision, offset)
+        covariance = torch.linalg.inv(sharpness[0, usable])
+        sigma = _mean_square(offset[0, usable], covariance, options).sqrt()
+    return sigma.cpu().numpy()
+
+
+def _mean_square(offset: Tensor, covariance: Tensor, options: MotionParams) -> Tensor:
+    """(6,) one variance of the three rotations and one of the three translations."""
+    square = offset.square() + covariance.diagonal(dim1=-2, dim2=-1)
+    rotation = square[:, :3].mean().clamp_min(options.rigid_offset_floor_rad**2)
+    translation = square[:, 3:].mean().clamp_min(options.rigid_offset_floor_m**2)
+    return torch.cat([rotation.expand(3), translation.expand(3)])
+
+
+UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
+
+
+def keypoint_spread_m(
+    views: CommonViews, motion: MotionState, fps: float
+) -> Float[np.ndarray, "M N K"]:
+    """Standard deviation per coordinate, metres, of each keypoint from the common motion."""
+    errors, depth = reprojection_errors_px(views, motion), root_depths_m(views, motion)
+    return spread_beyond_noise_m(
+        errors, views.keypoints.sigma_px, depth, views.cameras.focal_px, window=round(fps / 2)
+    )
+
+
+def with_keypoint_spread(
+    views: CommonViews, motion: MotionState, spread_m: Float[np.ndarray, "M N K"]
+) -> CommonViews:
+    """The views, the variance of their keypoints with the performances' deviations in it."""
+    keypoints = views.keypoints
+    focal_px = views.cameras.focal_px[:, None]
+    spread_px = spread_m * (focal_px / root_depths_m(views, motion))[..., None]
+    sigma2 = keypoints.sigma_px[..., None] ** 2
+    weight = keypoints.weight * sigma2 / (sigma2 + spread_px**2)
+    return replace(views, keypoints=replace(keypoints, weight=weight))
+
+
+def spread_beyond_noise_m(
+    errors_px: Float[np.ndarray, "M N K 2"],
+    sigma_px: Float[np.ndarray, "M N"],
+    depth_m: Float[np.ndarray, "M N"],
+    focal_px: Float[np.ndarray, " M"],
+    *,
+    window: int,
+) -> Float[np.ndarray, "M N K"]:
+    """Standard deviation per coordinate, metres, of what detector noise does not explain.
+
+    Args:
+        errors_px: NaN where missing; sigma_px: detector noise.
+        window: frames over which squared errors are pooled (median, so outliers do not count).
+    """
+    squared = (errors_px**2).sum(-1) / 2
+    half = max(1, window // 2)
+    padded = np.pad(squared, ((0, 0), (half, half), (0, 0)), mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
+    usable = np.isfinite(windows).sum(-1) >= 3
+    filled = np.where(usable[..., None], windows, 0.0)
+    # the median of an exponential distribution is ln 2 times its mean
+    pooled = finite_median(filled) / np.log(2)
+    videos = len(errors_px)
+    inflated = pooled * videos / max(videos - 1, 1)
+    excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
+    spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
+    typical = [
+        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, usable, strict=True)
+    ]
+    return np.where(usable, spread, np.array(typical)[:, None, None])
+
+
+def finite_median(values: Float[np.ndarray, "... W"]) -> Float[np.ndarray, "..."]:
+    """Medians over the last axis without NaN (`np.nanmedian`, faster); no row may be all NaN."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    count = np.isfinite(values).sum(-1, keepdims=True)
+    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((count - 1) // 2, count // 2))
+    return np.asarray(0.5 * (low + high))
+
+
+ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
+
+
+def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> list[Term]:
+    """Every estimator's joints (24) at the reference's frames, as evidence of articulation that is
+    counted once per correlation time; template: gives dtype and device."""
+    sd_m = scene.fit.evidence_mm * correlation_frames(options, scene.fps) ** 0.5 / 1000
+    joints, weights = [], []
+    timeline = scene.timeline
+    rows = zip(scene.observations, timeline.from_reference, timeline.confidence, strict=True)
+    for o, position, trust in rows:
+        if o.joints is None:
+            continue
+        finite = np.isfinite(o.joints).all(-1)
+        sampled, given = sample_keypoints(o.joints, finite.astype(float), position)
+        joints.append(sampled)
+        weights.append(given * trust[:, None] / sd_m**2)
+    if not joints:
+        return []
+    estimates, strength = (
+        torch.as_tensor(np.stack(x, 1)).to(template)[None] for x in (joints, weights)
+    )
+    return [JointEvidence(scene.body, estimates, strength, ESTIMATE_SIGMAS)]
 
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
@@ -133,141 +354,95 @@ def fit_in_stages(
             and stay (``cameras_known``).
         afresh: pass through the wide robust scales; else the start has done so before.
     """
-    free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
-    keypoints = common_keypoints(scene.observations, scene.timeline)
+    keypoints, unknowns = scene.keypoints, NO_UNKNOWNS
+    if not cameras_known:
+        unknowns = unknowns_of(scene, [v for v in range(len(cameras.R)) if v != scene.reference])
     if options.objective != "single":
-        first = initial_offset_sd(len(scene.observations), options)
-        keypoints = replace(keypoints, offset_sd=first)
+        keypoints = with_initial_offsets(scene, options)
+    final = scene.fit.robust_scale_sigma
+    views = CommonViews(scene.body, keypoints, cameras, final * WIDE)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    terms += estimate_terms(scene, start, options)
-    focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
-    motion, costs, status = start, list[float](), ""
+    terms += estimate_terms(scene, start.trans, options)
+    motion, costs, status, steps = start, list[float](), "", options.max_steps
     spread_m, starts = np.zeros(keypoints.weight.shape), [start]
     if afresh:
         progress(f"one motion for all views, robust scale {WIDE:g}x")
-        starts.append(_wide_fit(scene, start, keypoints, cameras, terms, options))
+        starts.append(fit_common_motion(views, start, NO_UNKNOWNS, terms, steps)[0])
     for stage in ROBUST_STAGES if afresh else ROBUST_STAGES[1:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
-        scale = scene.fit.robust_scale_sigma * stage
-        weighted = with_keypoint_spread(scene.body, keypoints, spread_m, motion, cameras)
-        fits = [
-            fit_common_motion(
-                scene.body, begun, weighted, cameras, free, terms, options.max_steps,
-                robust_scale=scale, focal=focal,
-            )
-            for begun in starts
-        ]  # fmt: skip
+        views = replace(views, robust_scale=final * stage)
+        weighted = with_keypoint_spread(views, motion, spread_m)
+        fits = [fit_common_motion(weighted, begun, unknowns, terms, steps) for begun in starts]
         motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
         starts = [motion]
-        keypoints = estimate_offset_sd(
-            scene.body, motion, keypoints, cameras, options, robust_scale=scale
-        )
-        spread_m = keypoint_spread_m(scene, motion, keypoints, cameras)
+        views = estimate_offset_sd(replace(views, cameras=cameras), motion, options)
+        spread_m = keypoint_spread_m(replace(views, robust_scale=final), motion, scene.fps)
         costs.append(solution.costs[-1])
         status = solution.status
-    sd = keypoints.offset_sd
+    sd = views.keypoints.offset_sd
     spread = None if sd is None else DeviationSpread(spread_m, sd)
     return CommonFit(motion, cameras, spread, costs, status)
-
-
-def _wide_fit(
-    scene: Scene,
-    start: MotionState,
-    keypoints: CommonKeypoints,
-    cameras: Cameras,
-    terms: Sequence[Term],
-    options: MotionParams,
-) -> MotionState:
-    """The motion alone, fitted under the widest robust loss."""
-    scale = scene.fit.robust_scale_sigma * WIDE
-    steps = options.max_steps
-    return fit_common_motion(
-        scene.body, start, keypoints, cameras, [], terms, steps, robust_scale=scale
-    )[0]
-
-
-def estimate_terms(scene: Scene, motion: MotionState, options: MotionParams) -> list[Term]:
-    """Monocular estimates as evidence, counted once per correlation time."""
-    sd_mm = scene.fit.evidence_mm * correlation_frames(options, scene.fps) ** 0.5
-    return common_estimates(
-        scene.body, scene.observations, scene.timeline, motion.trans, evidence_mm=sd_mm
-    )
 
 
 def estimate_spread(
     scene: Scene, motion: MotionState, cameras: Cameras, options: MotionParams
 ) -> DeviationSpread:
     """How far performances deviate from a common motion that was not fitted with deviations."""
-    scale = scene.fit.robust_scale_sigma
-    first = initial_offset_sd(len(scene.observations), options)
-    keypoints = replace(common_keypoints(scene.observations, scene.timeline), offset_sd=first)
+    keypoints = with_initial_offsets(scene, options)
+    views = CommonViews(scene.body, keypoints, cameras, scene.fit.robust_scale_sigma)
     for _ in ROBUST_STAGES:  # as often as a fit does: expectation maximisation is slow
-        keypoints = estimate_offset_sd(
-            scene.body, motion, keypoints, cameras, options, robust_scale=scale
-        )
-    assert keypoints.offset_sd is not None
-    spread_m = keypoint_spread_m(scene, motion, keypoints, cameras)
-    return DeviationSpread(spread_m, keypoints.offset_sd)
+        views = estimate_offset_sd(views, motion, options)
+    assert views.keypoints.offset_sd is not None
+    return DeviationSpread(keypoint_spread_m(views, motion, scene.fps), views.keypoints.offset_sd)
 
 
 def common_problem(
-    body: Body,
-    start: MotionState,
-    keypoints: CommonKeypoints,
-    cameras: Cameras,
-    free: Sequence[int],
-    *,
-    robust_scale: float,
-    focal: FreeFocalLengths = NO_FREE_FOCAL_LENGTHS,
+    views: CommonViews, start: MotionState, unknowns: Unknowns
 ) -> tuple[list[Term], MotionState]:
-    """The terms of all views, in two halves that can be worked on at the same time, and the start.
-
-    The cameras in ``free`` and the focal lengths of ``focal`` are among the start's unknowns.
-    """
-    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
+    """The terms of all views, in two halves that can be worked on at the same time, and the start
+    with its unknown cameras and focal lengths."""
+    cameras = views.cameras
+    index = torch.tensor(unknowns.cameras, dtype=torch.long, device=start.trans.device)
     state = replace(
         start,
         camera_R=cameras.R[index][None],
         camera_t=cameras.t[index][None],
-        log_focal=start.trans.new_zeros(1, len(focal.videos)),
+        log_focal=start.trans.new_zeros(1, len(unknowns.videos)),
     )
-    views = views_of(keypoints, cameras, start.trans, free=free, free_focal=focal.videos)
-    halves = [views[k::HALVES] for k in range(min(HALVES, len(views)))]
-    image = [Reprojection(body, half, robust_scale) for half in halves]
-    return [*image, *focal.prior(cameras.K)], state
+    all_ = views_of(views.keypoints, cameras, start.trans, unknowns)
+    halves = [all_[k::HALVES] for k in range(min(HALVES, len(all_)))]
+    image = [Reprojection(views.body, half, views.robust_scale) for half in halves]
+    return [*image, *unknowns.prior(cameras.K)], state
 
 
 def fit_common_motion(
-    body: Body,
+    views: CommonViews,
     start: MotionState,
-    keypoints: CommonKeypoints,
-    cameras: Cameras,
-    free: Sequence[int],
+    unknowns: Unknowns,
     terms: Sequence[Term],
     max_steps: int,
-    *,
-    robust_scale: float,
-    focal: FreeFocalLengths = NO_FREE_FOCAL_LENGTHS,
 ) -> tuple[MotionState, Cameras, Solution]:
     """Joint Gauss-Newton over the common motion, its shape, cameras and unknown focal lengths.
 
     Args:
         start: one motion (batch of 1) in the world's axes at the reference's frames.
-        free: videos whose cameras are unknowns; terms: regularisers.
+        terms: regularisers.
 
     Returns:
         The motion, the cameras, and how the solver ended.
     """
-    free = [v for v in free if (keypoints.weight[v] > 0).any()]
-    image, state = common_problem(
-        body, start, keypoints, cameras, free, robust_scale=robust_scale, focal=focal
+    weight, cameras = views.keypoints.weight, views.cameras
+    free = [v for v in unknowns.cameras if (weight[v] > 0).any()]
+    unknowns = replace(unknowns, cameras=free)
+    image, state = common_problem(views, start, unknowns)
+    solution = gauss_newton(
+        [*image, *terms], state, max_steps=max_steps, relative_tolerance=TOLERANCE
     )
-    solution = solve([*image, *terms], state, max_steps)
     state = solution.state
     R, t = cameras.R.clone(), cameras.t.clone()
     index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
     R[index], t[index] = state.camera_R[0], state.camera_t[0]
-    K = focal.intrinsics(cameras.K, state.log_focal[0])
+    K = unknowns.intrinsics(cameras.K, state.log_focal[0])
     motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
     return replace(motion, other_betas=state.other_betas), Cameras(R, t, K), solution
 
@@ -281,10 +456,9 @@ def misfit(
     """Mean Geman-McClure reprojection cost of one motion for all videos, over the keypoints, each
     counted by the confidence in its frame's match: a match that is not trusted makes no fit good.
     """
-    keypoints = common_keypoints(scene.observations, scene.timeline)
-    keypoints = replace(keypoints, offset_sd=offset_sd)
+    keypoints = replace(scene.keypoints, offset_sd=offset_sd)
     scale = scene.fit.robust_scale_sigma
-    errors = reprojection_errors_px(scene.body, motion, keypoints, cameras, robust_scale=scale)
+    errors = reprojection_errors_px(CommonViews(scene.body, keypoints, cameras, scale), motion)
     trust = scene.timeline.confidence[..., None] * (keypoints.weight > 0)
     weight = np.divide(keypoints.weight, trust, out=np.zeros_like(trust), where=trust > 0)
     squared = weight * np.nan_to_num(errors**2).sum(-1)

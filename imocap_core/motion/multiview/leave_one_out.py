@@ -21,13 +21,13 @@ from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.camera.projection import project_camera
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.monocular.fit import monocular_terms, regularisers
-from imocap_core.motion.multiview.common_keypoints import common_keypoints
 from imocap_core.motion.multiview.common_motion import (
+    CommonViews,
     estimate_terms,
     fit_common_motion,
-    free_focal_lengths,
+    unknowns_of,
+    with_keypoint_spread,
 )
-from imocap_core.motion.multiview.per_video import with_keypoint_spread
 from imocap_core.motion.multiview.repair import point_shares
 from imocap_core.motion.multiview.scene import Cameras, DeviationSpread, JointMotion, Scene, solve
 from imocap_core.motion.multiview.timeline import sample
@@ -41,7 +41,7 @@ LEAST_STRETCHES = 4  # of a short video, whose stretches are shorter
 NEAR = 0.1  # error, as a share of the height, below which a keypoint is predicted
 CAMERA_SCALE = 0.05  # Geman-McClure scale of the resection, as a share of the height
 # Hidden in this order, a stretch each, so that a limb is seen before and after
-LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
+HIDDEN_LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
 
 
 @dataclass(frozen=True)
@@ -113,24 +113,15 @@ def motion_of_others(
         common: with all videos (batch of 1, world axes), the start.
     """
     others = without_video(scene, v)
-    keypoints = common_keypoints(others.observations, others.timeline)
-    keypoints = replace(keypoints, offset_sd=spread.offset_sd)
-    keypoints = with_keypoint_spread(scene.body, keypoints, spread.keypoints_m, common, cameras)
+    keypoints = replace(others.keypoints, offset_sd=spread.offset_sd)
+    views = CommonViews(scene.body, keypoints, cameras, scene.fit.robust_scale_sigma)
+    views = with_keypoint_spread(views, common, spread.keypoints_m)
     rest = [u for u in range(len(scene.observations)) if u != v]
     fixed = scene.reference if v != scene.reference else rest[0]  # fixes the world's axes
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    terms += estimate_terms(others, common, options)
-    return fit_common_motion(
-        scene.body,
-        common,
-        keypoints,
-        cameras,
-        [u for u in rest if u != fixed],
-        terms,
-        STEPS,
-        robust_scale=scene.fit.robust_scale_sigma,
-        focal=free_focal_lengths(scene),
-    )[0]
+    terms += estimate_terms(others, common.trans, options)
+    unknowns = unknowns_of(scene, [u for u in rest if u != fixed])
+    return fit_common_motion(views, common, unknowns, terms, STEPS)[0]
 
 
 def without_video(scene: Scene, v: int) -> Scene:
@@ -199,7 +190,7 @@ def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
         scene: as the monocular fits saw it; state: these fits, each in its own camera's axes.
     """
     shares = point_shares(scene.body.keypoints.names)
-    limbs = [stretches(len(o.xy_px), o.fps) % len(LIMBS) for o in scene.observations]
+    limbs = [stretches(len(o.xy_px), o.fps) % len(HIDDEN_LIMBS) for o in scene.observations]
     rows = list(zip(scene.observations, limbs, strict=True))
     hidden = [_without(scene.body, o, limb) for o, limb in rows]
     terms = monocular_terms(scene.body, scene.prior, hidden, state.trans, scene.fit, 1.0)
@@ -221,8 +212,8 @@ def stretches(frames: int, fps: float) -> Int[np.ndarray, " T"]:
 
 
 def hidden_points(points: PointSet, limb: Int[np.ndarray, " T"]) -> Bool[np.ndarray, "T K"]:
-    """Which points turn with each frame's limb (an index into `LIMBS`)."""
-    roots = [SMPL_JOINTS.index(name) for name in LIMBS]
+    """Which points turn with each frame's limb (an index into `HIDDEN_LIMBS`)."""
+    roots = [SMPL_JOINTS.index(name) for name in HIDDEN_LIMBS]
     return np.asarray(points.moved_by.cpu().numpy()[:, roots].T[limb])
 
 

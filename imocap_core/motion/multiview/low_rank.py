@@ -1,30 +1,38 @@
-"""The low-rank model of motions across videos: Z and Y of Eq. 4, 5, 8, and their mean motion.
+"""The low-rank model of motions across videos (Eq. 4, 5) and one round of Eq. 8's alternation.
 
-The low-rank model of motions across videos, Eq. 4, 5 and the Z, Y updates of Eq. 8.
-
-Coupling targets (Z and Y of Eq. 8), carried from the reference's frames to every video.
-
-Agreement between videos, joint by joint, and their mean motion.
+Z and Y by SVD, poses and paths by the solver, cameras by rigid alignment or PnP. Beside it the mean
+motion of all videos, in which each joint counts by how far it follows the other videos.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.multiview.scene import AlignedMotions, Cameras, Scene, align
-from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotations
-from imocap_core.motion.state import Body, MotionState
-from imocap_core.motion.terms import JointEvidence, PathCoupling, PoseCoupling, Term
+from imocap_core.camera.pnp import pnp_over_frames
+from imocap_core.motion.multiview.per_video import (
+    coupling_terms,
+    per_video_terms,
+    to_video_axes,
+    to_video_frames,
+)
+from imocap_core.motion.multiview.scene import (
+    AlignedMotions,
+    Cameras,
+    Scene,
+    cameras_from_motion,
+    solve,
+)
+from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.base import running_mean
+from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import exp, geodesic_angle, log, project
-from imocap_core.rotations import mean as chordal_mean
 from imocap_core.rotations import mean as mean_rotation
 
 
@@ -101,124 +109,13 @@ def low_rank_paths(
     return mean + low_rank_rows(rows, used, rank).reshape(paths.shape)
 
 
-# The keypoints whose positions are coupled; every layout of a body has them.
-COUPLED = frozenset(
-    f"{side}_{joint}"
-    for side in ("left", "right")
-    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-) | {"nose"}
-UNBOUNDED = 1e3  # Geman-McClure scale: no deviation is an outlier
-
-
-@dataclass(frozen=True)
-class CouplingTargets:
-    """What each video is coupled to, in its own camera's axes and at its own frames.
-
-    Attributes:
-        R_local: (B, T, 24, 3, 3); root: (B, T, 3) metres, the root joint.
-        trust: (B, T) confidence of the match, 0 for frames without one.
-    """
-
-    R_local: Float[Tensor, "B T 24 3 3"]
-    root: Float[Tensor, "B T 3"]
-    trust: Float[Tensor, "B T"]
-
-
 def low_rank_targets(
-    aligned: AlignedMotions, cameras: Cameras, joint_weight: Float[Tensor, "M N 24"], rank: int
+    world: AlignedMotions, joint_weight: Float[Tensor, "M N 24"], rank: int
 ) -> tuple[Float[Tensor, "M N 24 3 3"], Float[Tensor, "M N 3"]]:
     """Z and Y in the world's axes: the SVD step of Eq. 8."""
-    world = to_world(aligned, cameras)
     Z = low_rank_poses(world.R_local, joint_weight, rank)
     Y = low_rank_paths(world.root, world.weight, rank)
     return Z, Y
-
-
-def to_video_axes(
-    Z: Float[Tensor, "M N 24 3 3"],
-    Y: Float[Tensor, "M N 3"],
-    cameras: Cameras,
-    timeline: Timeline,
-    confidences: Sequence[Float[np.ndarray, " _"]],
-    state: MotionState,
-) -> CouplingTargets:
-    """World targets at each video's own frames and in its own camera's axes.
-
-    Args:
-        state: stands in for the targets of padded frames.
-    """
-    R_local, path = state.R_local.clone(), state.trans.clone()
-    trust = state.trans.new_zeros(state.valid.shape)
-    for v, position in enumerate(timeline.to_reference):
-        matched, length = np.isfinite(position), len(position)
-        filled = position
-        if matched.any():
-            filled = np.interp(np.arange(length), np.nonzero(matched)[0], position[matched])
-        R = sample_rotations(Z[v], filled)
-        R[:, 0] = cameras.R[v] @ R[:, 0]
-        R_local[v, :length] = R
-        path[v, :length] = sample(Y[v], filled) @ cameras.R[v].T + cameras.t[v]
-        trust[v, :length] = torch.as_tensor(np.where(matched, confidences[v], 0.0)).to(trust)
-    return CouplingTargets(R_local, path, trust)
-
-
-def coupling_terms(
-    body: Body,
-    targets: CouplingTargets,
-    state: MotionState,
-    joint_weight: Float[Tensor, "#B #T #24"],
-    path_weight: Float[Tensor, "#B #T"],
-) -> list[Term]:
-    """Eq. 8's two coupling terms.
-
-    Args:
-        joint_weight: 1/rad^2; path_weight: 1/m^2; both broadcast.
-    """
-    rest = body.model.shape(state.betas).joints_rest[:, 0]
-    pose = (targets.trust[..., None] * joint_weight).expand(*targets.trust.shape, 24)
-    return [
-        PoseCoupling(targets.R_local, pose),
-        PathCoupling(targets.root - rest[:, None], targets.trust * path_weight),
-    ]
-
-
-def position_coupling(
-    body: Body,
-    targets: CouplingTargets,
-    state: MotionState,
-    weight: Float[Tensor, "B T K"],
-) -> JointEvidence:
-    """Positions of the limbs' keypoints and the nose, coupled to the target's after the best
-    rotation and shift of each frame.
-
-    With rotations coupled one by one, the deviations of all joints above a hand add up. This
-    correlates them: what they come to together is bounded (docs/decisions.md).
-
-    Args:
-        state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
-    """
-    names = body.keypoints.names  # of several layouts, where videos differ in them
-    share = weight.new_tensor([(name in COUPLED) / names.count(name) for name in names])
-    posed = replace(state, R_local=targets.R_local)
-    xyz = body.positions(body.keypoints, posed).xyz.detach()
-    return JointEvidence(
-        body, xyz, targets.trust[..., None] * weight * share, UNBOUNDED, of_keypoints=True
-    )
-
-
-def to_video_frames(
-    at_reference: Float[Tensor, "M N J"], timeline: Timeline, state: MotionState
-) -> Float[Tensor, "M T J"]:
-    """Values at the reference's frames, at each video's own frames (nearest; 0 if unmatched)."""
-    out = at_reference.new_zeros(*state.valid.shape, at_reference.shape[-1])
-    for v, position in enumerate(timeline.to_reference):
-        matched = np.isfinite(position)
-        last = at_reference.shape[1] - 1
-        nearest = np.clip(np.nan_to_num(position).round().astype(int), 0, last)
-        index = torch.as_tensor(nearest, device=at_reference.device)
-        values = at_reference[v, index] * torch.as_tensor(matched).to(at_reference)[:, None]
-        out[v, : len(position)] = values
-    return out
 
 
 SMOOTH_FRAMES = 7  # over which agreement between videos is averaged
@@ -268,6 +165,18 @@ def agreement(
     return torch.where(any_other[..., None], follows, 1.0) * (weight > 0)[..., None]
 
 
+def in_world(
+    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
+) -> tuple[AlignedMotions, Float[Tensor, "M N 24"]]:
+    """All videos' motions at the reference's frames in the world's axes, and the weight of each
+    joint: trust in the match, and how far it follows the other videos (`agreement`)."""
+    world = to_world(scene.aligned(state), cameras)
+    follows = agreement(
+        world.R_local, world.weight, scale_rad=agreement_rad, smooth_frames=SMOOTH_FRAMES
+    )
+    return world, follows
+
+
 def consensus_motion(
     scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
 ) -> MotionState:
@@ -277,11 +186,8 @@ def consensus_motion(
         state: every video's motion in its own camera's axes.
         agreement_rad: a joint that differs by more than this from the others counts little.
     """
-    world = to_world(align(scene.body, state, scene.timeline), cameras)
-    follows = agreement(
-        world.R_local, world.weight, scale_rad=agreement_rad, smooth_frames=SMOOTH_FRAMES
-    )
-    R = chordal_mean(world.R_local, follows * world.weight[..., None])
+    world, follows = in_world(scene, state, cameras, agreement_rad)
+    R = mean_rotation(world.R_local, follows * world.weight[..., None])
     path = world.root[scene.reference]
     shapes = mean_shapes(state, scene.performers)
     rest = scene.body.model.shape(shapes[:1]).joints_rest[:, 0]
@@ -294,3 +200,55 @@ def mean_shapes(state: MotionState, performers: Sequence[int]) -> Float[Tensor, 
     """Of each performer the mean shape of the videos that show it."""
     rows = torch.tensor(list(performers), device=state.betas.device)
     return torch.stack([state.betas[rows == p].mean(0) for p in range(max(performers) + 1)])
+
+
+def low_rank_round(
+    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, *, pnp: bool
+) -> tuple[MotionState, Cameras, float]:
+    """Couple every motion to its low-rank approximation; returns motions, cameras and objective.
+
+    Joints that do not follow the other videos are released (leave-one-out, Geman-McClure), so that
+    a different performance keeps its own pose.
+
+    Args:
+        pnp: refine the cameras by PnP over all frames (section 3.2, "Optimization").
+    """
+    world, follows = in_world(scene, state, cameras, options.agreement_rad)
+    Z, Y = low_rank_targets(world, follows * world.weight[..., None], options.rank)
+    targets = to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
+    joint_weight = to_video_frames(follows, scene.timeline, state) / options.coupling_rad**2
+    path_weight = torch.full_like(targets.trust, options.coupling_path_m**-2)
+    terms = per_video_terms(scene, state.trans)
+    terms += coupling_terms(scene.body, targets, state, joint_weight, path_weight)
+    solution = solve(terms, state, options.max_steps, performers=scene.performers)
+    state = solution.state
+    cameras = cameras_from_motion(scene.aligned(state), cameras.K, scene.reference)
+    if pnp:
+        common = consensus_motion(scene, state, cameras, options.agreement_rad)
+        cameras = refine_by_pnp(scene, common, cameras)
+    return state, cameras, solution.costs[-1]
+
+
+def refine_by_pnp(scene: Scene, motion: MotionState, cameras: Cameras) -> Cameras:
+    """Each camera from the common motion's 3D keypoints over all frames (PnP, "Optimization").
+
+    A camera whose PnP fails keeps its place, and so does one that moves.
+    """
+    body, keypoints = scene.body, scene.keypoints
+    xyz = body.positions(body.keypoints, motion).xyz[0].cpu().numpy()
+    R, t = cameras.R.clone(), cameras.t.clone()
+    for v in range(len(R)):
+        if v == scene.reference or not (keypoints.weight[v] > 0).any() or keypoints.moves(v):
+            continue
+        sigma = float(np.median(keypoints.sigma_px[v]))
+        pose = pnp_over_frames(
+            xyz,
+            keypoints.xy_px[v],
+            keypoints.weight[v] * sigma**2,
+            cameras.K[v].cpu().numpy(),
+            R[v].cpu().numpy(),
+            scale_px=scene.fit.robust_scale_sigma * sigma,
+        )
+        if pose.ok:
+            R[v], t[v] = torch.as_tensor(pose.R).to(R), torch.as_tensor(pose.t).to(t)
+    return replace(cameras, R=R, t=t)

@@ -1,19 +1,7 @@
 """From the common motion to every video's own deviation from it.
 
-Spread of performances' per-frame rigid offsets: six standard deviations a video.
-
-Expectation maximisation on the offsets of `terms.rigid_offset`: given the spread, every frame's
-offset has a posterior; given the posteriors, the variance is their mean square. Depth, which one
-view hardly observes, keeps its prior and does not contradict the image plane, because a posterior
-counts with its own uncertainty.
-
-How far each performance deviates from the common motion, estimated from the images.
-
-What a view's reprojection errors have beyond detector noise is a difference of performance (or of
-synchronisation). It is observed in the image plane; in depth the same is assumed. This moment
-estimate sets the coupling's strength: strong where videos agree, weak where they do not.
-
-Facing: does a performance face another way than the common motion, or did its fit go wrong?
+Each video is fitted to its own image evidence, coupled to the common motion: strongly where videos
+agree, weakly where they do not.
 
 A performer may face another side for a while, and then the video's root orientation must not follow
 the common motion. But a monocular fit may also take the back for the front, or reverse depth, and
@@ -24,174 +12,168 @@ explains them better.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from imocap_core.motion.multiview.common_keypoints import (
-    CommonKeypoints,
-    reprojection_errors_px,
-    root_depths_m,
-    views_of,
-)
-from imocap_core.motion.multiview.low_rank import (
-    CouplingTargets,
-    coupling_terms,
-    position_coupling,
-    to_video_axes,
-    to_video_frames,
-)
+from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.scene import (
     Cameras,
     DeviationSpread,
     Scene,
     correlation_frames,
-    per_video_terms,
     root_positions,
     solve,
 )
+from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotations
 from imocap_core.motion.observations import per_video_view, place_variance
 from imocap_core.motion.state import Body, MotionState
-from imocap_core.motion.terms import FootContact, Reprojection, Term, View
+from imocap_core.motion.terms import (
+    FootContact,
+    JointEvidence,
+    PathCoupling,
+    PoseCoupling,
+    Term,
+    View,
+)
 from imocap_core.motion.terms.base import running_mean
 from imocap_core.motion.terms.contact import foot_contact_share
 from imocap_core.motion.terms.view import project
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle
-from imocap_core.workers import at_once, in_turn
 
-ROUNDS = 6
-MIN_KEYPOINTS = 4  # fewer do not determine a rigid offset
+# The keypoints whose positions are coupled; every layout of a body has them.
+COUPLED = frozenset(
+    f"{side}_{joint}"
+    for side in ("left", "right")
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+) | {"nose"}
+
+UNBOUNDED = 1e3  # Geman-McClure scale: no deviation is an outlier
 
 
-def initial_offset_sd(videos: int, options: MotionParams) -> Float[np.ndarray, "M 6"]:
-    """Generous standard deviations at which the estimation starts: rad, rad, rad, m, m, m."""
-    rotation, translation = options.rigid_offset_start_rad, options.rigid_offset_start_m
-    return np.tile([rotation] * 3 + [translation] * 3, (videos, 1))
+@dataclass(frozen=True)
+class CouplingTargets:
+    """What each video is coupled to, in its own camera's axes and at its own frames.
+
+    Attributes:
+        R_local: (B, T, 24, 3, 3); root: (B, T, 3) metres, the root joint.
+        trust: (B, T) confidence of the match, 0 for frames without one.
+    """
+
+    R_local: Float[Tensor, "B T 24 3 3"]
+    root: Float[Tensor, "B T 3"]
+    trust: Float[Tensor, "B T"]
 
 
-def estimate_offset_sd(
-    body: Body,
-    motion: MotionState,
-    keypoints: CommonKeypoints,
+def to_video_axes(
+    Z: Float[Tensor, "M N 24 3 3"],
+    Y: Float[Tensor, "M N 3"],
     cameras: Cameras,
-    options: MotionParams,
-    *,
-    robust_scale: float,
-) -> CommonKeypoints:
-    """Keypoints with offset spreads estimated from them; a video without keypoints keeps its own.
+    timeline: Timeline,
+    confidences: Sequence[Float[np.ndarray, " _"]],
+    state: MotionState,
+) -> CouplingTargets:
+    """World targets at each video's own frames and in its own camera's axes.
 
     Args:
-        motion: the common one (batch of 1, world axes).
+        state: stands in for the targets of padded frames.
     """
-    if keypoints.offset_sd is None:
-        return keypoints
-    views = views_of(keypoints, cameras, motion.trans, free=())
-    term = Reprojection(body, views, robust_scale)
-    pairs = list(zip(views, keypoints.offset_sd, strict=True))
-    each = in_turn if motion.trans.is_cuda else at_once
-    spread = each(lambda pair: _offset_sd(term, pair[0], motion, pair[1], options), pairs)
-    return replace(keypoints, offset_sd=np.stack(spread))
+    R_local, path = state.R_local.clone(), state.trans.clone()
+    trust = state.trans.new_zeros(state.valid.shape)
+    for v, position in enumerate(timeline.to_reference):
+        matched, length = np.isfinite(position), len(position)
+        filled = position
+        if matched.any():
+            filled = np.interp(np.arange(length), np.nonzero(matched)[0], position[matched])
+        R = sample_rotations(Z[v], filled)
+        R[:, 0] = cameras.R[v] @ R[:, 0]
+        R_local[v, :length] = R
+        path[v, :length] = sample(Y[v], filled) @ cameras.R[v].T + cameras.t[v]
+        trust[v, :length] = torch.as_tensor(np.where(matched, confidences[v], 0.0)).to(trust)
+    return CouplingTargets(R_local, path, trust)
 
 
-def _offset_sd(
-    term: Reprojection, view: View, motion: MotionState, before: np.ndarray, options: MotionParams
-) -> np.ndarray:
-    usable = (view.weight > 0).sum(-1)[0] >= MIN_KEYPOINTS
-    if not bool(usable.any()):
-        return before
-    sigma, offset = torch.as_tensor(before).to(motion.trans), None
-    for _ in range(ROUNDS):
-        precision = sigma.pow(-2).expand(1, len(usable), -1)
-        offset, sharpness = term.rigid_offsets(view, motion, precision, offset)
-        covariance = torch.linalg.inv(sharpness[0, usable])
-        sigma = _mean_square(offset[0, usable], covariance, options).sqrt()
-    return sigma.cpu().numpy()
+def coupling_terms(
+    body: Body,
+    targets: CouplingTargets,
+    state: MotionState,
+    joint_weight: Float[Tensor, "#B #T #24"],
+    path_weight: Float[Tensor, "#B #T"],
+) -> list[Term]:
+    """Eq. 8's two coupling terms.
+
+    Args:
+        joint_weight: 1/rad^2; path_weight: 1/m^2; both broadcast.
+    """
+    rest = body.model.shape(state.betas).joints_rest[:, 0]
+    pose = (targets.trust[..., None] * joint_weight).expand(*targets.trust.shape, 24)
+    return [
+        PoseCoupling(targets.R_local, pose),
+        PathCoupling(targets.root - rest[:, None], targets.trust * path_weight),
+    ]
 
 
-def _mean_square(offset: Tensor, covariance: Tensor, options: MotionParams) -> Tensor:
-    """(6,) one variance of the three rotations and one of the three translations."""
-    square = offset.square() + covariance.diagonal(dim1=-2, dim2=-1)
-    rotation = square[:, :3].mean().clamp_min(options.rigid_offset_floor_rad**2)
-    translation = square[:, 3:].mean().clamp_min(options.rigid_offset_floor_m**2)
-    return torch.cat([rotation.expand(3), translation.expand(3)])
+def position_coupling(
+    body: Body,
+    targets: CouplingTargets,
+    state: MotionState,
+    weight: Float[Tensor, "B T K"],
+) -> JointEvidence:
+    """Positions of the limbs' keypoints and the nose, coupled to the target's after the best
+    rotation and shift of each frame.
+
+    With rotations coupled one by one, the deviations of all joints above a hand add up. This
+    correlates them: what they come to together is bounded (docs/decisions.md).
+
+    Args:
+        state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
+    """
+    names = body.keypoints.names  # of several layouts, where videos differ in them
+    share = weight.new_tensor([(name in COUPLED) / names.count(name) for name in names])
+    posed = replace(state, R_local=targets.R_local)
+    xyz = body.positions(body.keypoints, posed).xyz.detach()
+    return JointEvidence(
+        body, xyz, targets.trust[..., None] * weight * share, UNBOUNDED, of_keypoints=True
+    )
+
+
+def to_video_frames(
+    at_reference: Float[Tensor, "M N J"], timeline: Timeline, state: MotionState
+) -> Float[Tensor, "M T J"]:
+    """Values at the reference's frames, at each video's own frames (nearest; 0 if unmatched)."""
+    out = at_reference.new_zeros(*state.valid.shape, at_reference.shape[-1])
+    for v, position in enumerate(timeline.to_reference):
+        matched = np.isfinite(position)
+        last = at_reference.shape[1] - 1
+        nearest = np.clip(np.nan_to_num(position).round().astype(int), 0, last)
+        index = torch.as_tensor(nearest, device=at_reference.device)
+        values = at_reference[v, index] * torch.as_tensor(matched).to(at_reference)[:, None]
+        out[v, : len(position)] = values
+    return out
+
+
+def targets_of(
+    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras
+) -> CouplingTargets:
+    """The common motion at every video's frames and in its camera's axes."""
+    videos = len(scene.observations)
+    Z = common.R_local.expand(videos, -1, -1, -1, -1)
+    paths = [root_positions(scene.body, common.of_performer(p)) for p in scene.performers]
+    Y = torch.cat(paths)
+    return to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
 
 
 LEAST_SPREAD_RAD, LEAST_SPREAD_M = 0.03, 0.01
+
 LEAST_LEVER_M = 0.15
-UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
+
 UNMOVED_SPREAD_RAD = 0.1  # of a joint that moves no keypoint
-
-
-def keypoint_spread_m(
-    scene: Scene, motion: MotionState, keypoints: CommonKeypoints, cameras: Cameras
-) -> Float[np.ndarray, "M N K"]:
-    """Standard deviation per coordinate, metres, of each keypoint from the common motion."""
-    errors = reprojection_errors_px(
-        scene.body, motion, keypoints, cameras, robust_scale=scene.fit.robust_scale_sigma
-    )
-    depth = root_depths_m(scene.body, motion, cameras, keypoints)
-    return spread_beyond_noise_m(
-        errors, keypoints.sigma_px, depth, cameras.focal_px, window=round(scene.fps / 2)
-    )
-
-
-def with_keypoint_spread(
-    body: Body,
-    keypoints: CommonKeypoints,
-    spread_m: Float[np.ndarray, "M N K"],
-    motion: MotionState,
-    cameras: Cameras,
-) -> CommonKeypoints:
-    """Keypoints whose variance includes the performances' deviations."""
-    depth = root_depths_m(body, motion, cameras, keypoints)
-    spread_px = spread_m * (cameras.focal_px[:, None] / depth)[..., None]
-    sigma2 = keypoints.sigma_px[..., None] ** 2
-    return replace(keypoints, weight=keypoints.weight * sigma2 / (sigma2 + spread_px**2))
-
-
-def spread_beyond_noise_m(
-    errors_px: Float[np.ndarray, "M N K 2"],
-    sigma_px: Float[np.ndarray, "M N"],
-    depth_m: Float[np.ndarray, "M N"],
-    focal_px: Float[np.ndarray, " M"],
-    *,
-    window: int,
-) -> Float[np.ndarray, "M N K"]:
-    """Standard deviation per coordinate, metres, of what detector noise does not explain.
-
-    Args:
-        errors_px: NaN where missing; sigma_px: detector noise.
-        window: frames over which squared errors are pooled (median, so outliers do not count).
-    """
-    squared = (errors_px**2).sum(-1) / 2
-    half = max(1, window // 2)
-    padded = np.pad(squared, ((0, 0), (half, half), (0, 0)), mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
-    usable = np.isfinite(windows).sum(-1) >= 3
-    filled = np.where(usable[..., None], windows, 0.0)
-    # the median of an exponential distribution is ln 2 times its mean
-    pooled = finite_median(filled) / np.log(2)
-    videos = len(errors_px)
-    inflated = pooled * videos / max(videos - 1, 1)
-    excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
-    spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
-    typical = [
-        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, usable, strict=True)
-    ]
-    return np.where(usable, spread, np.array(typical)[:, None, None])
-
-
-def finite_median(values: Float[np.ndarray, "... W"]) -> Float[np.ndarray, "..."]:
-    """Medians over the last axis without NaN (`np.nanmedian`, faster); no row may be all NaN."""
-    ordered = np.sort(values, axis=-1)  # NaN last
-    count = np.isfinite(values).sum(-1, keepdims=True)
-    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((count - 1) // 2, count // 2))
-    return np.asarray(0.5 * (low + high))
 
 
 def pooled_spread_m(spread_m: Float[np.ndarray, "M N K"]) -> Float[np.ndarray, "M N K"]:
@@ -221,6 +203,13 @@ def joint_spread_rad(
     angle = np.where(moved, angle, np.inf).min(-1)
     angle[:, :, ~moved.any(1)] = UNMOVED_SPREAD_RAD
     return np.maximum(angle, LEAST_SPREAD_RAD)
+
+
+def per_video_terms(scene: Scene, template: Tensor) -> list[Term]:
+    """Every video's own image evidence and regularisers; template: gives dtype and device."""
+    return monocular_terms(
+        scene.body, scene.prior, scene.observations, template, scene.fit, scale=1.0
+    )
 
 
 FACING_RAD = 0.6  # beyond a monocular estimate's own errors
@@ -306,14 +295,13 @@ def fit_deviations(
     """
     targets = targets_of(scene, state, common, cameras)
     faces = facing_agreement(scene, state, targets)
-    carried = common_at_video_frames(scene, state, common, cameras)
-    carried = _facing_released(carried, state, faces)
+    carried = _facing_released(at_video_frames(scene, state, common, targets), state, faces)
     start = carried
     if not afresh:
         astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
-    terms += deviation_terms(scene, carried, common, cameras, spread, options, faces)
+    terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
 
@@ -322,7 +310,7 @@ def deviation_terms(
     scene: Scene,
     start: MotionState,
     common: MotionState,
-    cameras: Cameras,
+    targets: CouplingTargets,
     spread: DeviationSpread,
     options: MotionParams,
     faces: Float[Tensor, "B T"],
@@ -330,10 +318,9 @@ def deviation_terms(
     """Coupling to the common motion, a deviation counted once per correlation time.
 
     Args:
-        start: the common motion at every video's own frames; unmatched frames need no target.
+        start: the common motion at every video's own frames; targets: the same in its axes.
         faces: weight of the root orientation's coupling (`facing_agreement`).
     """
-    targets = targets_of(scene, start, common, cameras)
     joints = joint_spread_rad(scene.body, common, spread.keypoints_m)
     joints[:, :, 0] = spread.offset_sd[:, None, 0]
     frames = correlation_frames(options, scene.fps)
@@ -382,11 +369,10 @@ def _replaced(state: MotionState, by: MotionState, where: Bool[Tensor, "B T"]) -
     )
 
 
-def common_at_video_frames(
-    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras
+def at_video_frames(
+    scene: Scene, state: MotionState, common: MotionState, targets: CouplingTargets
 ) -> MotionState:
     """The common motion at every video's matched frames; unmatched ones stay as in ``state``."""
-    targets = targets_of(scene, state, common, cameras)
     matched = (targets.trust > 0)[..., None]
     betas = torch.cat([common.of_performer(p).betas for p in scene.performers])
     rest = scene.body.model.shape(betas).joints_rest[:, 0]
@@ -398,12 +384,24 @@ def common_at_video_frames(
     )
 
 
-def targets_of(
-    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras
-) -> CouplingTargets:
-    """The common motion at every video's frames and in its camera's axes."""
-    videos = len(scene.observations)
-    Z = common.R_local.expand(videos, -1, -1, -1, -1)
-    paths = [root_positions(scene.body, common.of_performer(p)) for p in scene.performers]
-    Y = torch.cat(paths)
-    return to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
+SAME_RAD, SAME_M = 1e-3, 1e-4  # that a matched frame may differ from the common motion by
+
+
+def follow_common(
+    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras, options: MotionParams
+) -> MotionState:
+    """The common motion at every video's matched frames; where a video shows more than the
+    reference, its own evidence, continuing the common motion.
+
+    Args:
+        state: every video's motion so far, in its own camera's axes; common: batch of 1, world.
+    """
+    targets = targets_of(scene, state, common, cameras)
+    start = at_video_frames(scene, state, common, targets)
+    if all(np.isfinite(position).all() for position in scene.timeline.to_reference):
+        return start
+    matched = (targets.trust > 0).to(start.trans)
+    joints = matched[..., None].expand(*matched.shape, 24) / SAME_RAD**2
+    coupling = coupling_terms(scene.body, targets, start, joints, matched / SAME_M**2)
+    terms = [*per_video_terms(scene, start.trans), *coupling]
+    return solve(terms, start, options.max_steps, performers=scene.performers).state

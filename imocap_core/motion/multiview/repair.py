@@ -1,35 +1,30 @@
-"""Videos whose camera or sides the other videos refute: placed anew, swapped back.
+"""What the other videos' motion says of a video: its camera, its left and right, its limbs.
 
-Relocalisation: a video whose camera the others' motion refutes is placed anew by its keypoints.
+A video's keypoints are held against the other videos' motion, at corresponding moments. Its own
+motion does not vote, so that an error does not confirm itself.
 
-The first cameras come of root orientations of monocular fits. A fit that took the back for the
-front, or reversed depth, puts its camera on the other side of the performer, and no local solver
-brings it back. But the keypoints that it was fitted to are right: held against the mean motion of
-the other videos, at the frames that correspond, they tell the camera's rotation (scaled
-orthographic, any scale and place a frame). It replaces the first one where it lies far from it and
-explains the keypoints much better.
+Relocalisation. The first cameras come from root orientations of monocular fits. A fit that took
+the back for the front, or reversed depth, puts its camera on the other side of the performer, and
+no local solver brings it back. Against the mean motion of the others the keypoints determine the
+camera's rotation (scaled orthographic, any scale and place a frame). It replaces the first one
+where it lies far from it and explains the keypoints much better.
 
-Stretches of a video in which the detector took left for right, told by the other videos.
+Left-right swaps. Swapped sides of the whole body look, to one view, like a performer who faces the
+other way, and swapped legs like other steps. Each frame's keypoints are as detected, with swapped
+legs, or swapped as a whole, whichever the others' motion explains best (Viterbi; every change costs
+something). A performer who really turns away turns against the others little by little, and for a
+while faces a quarter another way; one whose sides were swapped faces as they do, or the opposite
+way, and nothing between.
 
-Swapped sides of the whole body look, to one view, like a performer who faces the other way, and
-swapped legs like other steps. Seen from the video's camera, the other videos' motion decides: each
-frame's keypoints are as detected, with swapped legs, or swapped as a whole, whichever that motion
-explains best, and the cheapest sequence of these states, where every change costs something, is the
-estimate (Viterbi). Detections whose sides were swapped before the joint motion was known are judged
-as they were detected.
-
-A performer who really turns away looks like swapped sides, too. Then the video's own motion turns
-against the others' little by little, and for a while faces a quarter another way; one whose sides
-were swapped faces as the others do (it was held by the frames around) or the opposite way, and
-nothing between.
-
-How well a joint motion explains the keypoints of each video by the video's own motion.
+Doubtful limbs. A joint that the detector was not sure of and that lies elsewhere than the others
+expect it is detected again. What it is sure of is kept: where performances differ, the others
+contradict it too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -38,22 +33,132 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.alignment import refined_rotation, rigid
 from imocap_core.camera.averaging import angle_deg, mean_vector
+from imocap_core.camera.projection import project_camera
 from imocap_core.conventions import mirror_indices
-from imocap_core.motion.multiview.keypoint_evidence import (
-    KeypointEvidence,
-    frame_residuals,
-    keypoint_evidence,
-    mean_of_others,
-    registration_residuals,
-)
 from imocap_core.motion.multiview.low_rank import consensus_motion, to_world
-from imocap_core.motion.multiview.per_video import common_at_video_frames
-from imocap_core.motion.multiview.scene import PATH_SCALE_M, Cameras, Scene, align
+from imocap_core.motion.multiview.per_video import targets_of
+from imocap_core.motion.multiview.scene import PATH_SCALE_M, Cameras, Scene
+from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
 from imocap_core.sequences import cheapest_states, runs
 from imocap_core.sync.hypotheses import STATES, with_swapped_sides
-from imocap_core.sync.screening.registration import camera_directions
+from imocap_core.sync.screening.registration import camera_directions, residual_share
+
+MOMENTS = 60  # of the common time that are compared
+SWAP_COST = 0.1  # of a frame with swapped sides, in shares of the keypoints' spread
+
+
+@dataclass(frozen=True)
+class KeypointEvidence:
+    """Keypoints and motions of M videos at N corresponding moments.
+
+    Attributes:
+        moments: (N,) frames of the reference.
+        xyz_m: (M, N, K, 3) each video's motion in its own camera's axes.
+        xy_px: (M, N, K, 2); weight: (M, N, K), 0 where unknown or unmatched.
+    """
+
+    moments: Int[np.ndarray, " N"]
+    xyz_m: Float[np.ndarray, "M N K 3"]
+    xy_px: Float[np.ndarray, "M N K 2"]
+    weight: Float[np.ndarray, "M N K"]
+
+    def nearest_moment(self, position: Float[np.ndarray, " T"]) -> Int[np.ndarray, " T"]:
+        """Index of the moment nearest to each position in the reference, 0 where that is NaN."""
+        middles = (self.moments[1:] + self.moments[:-1]) / 2.0
+        return np.searchsorted(middles, np.nan_to_num(position))
+
+
+@dataclass(frozen=True)
+class PosesOfOthers:
+    """Mean pose of the other videos at each moment, about its middle, world axes.
+
+    Attributes:
+        mean_m: (N, K, 3); sd_m: (N, K) standard deviation of each keypoint.
+        count: (N,) videos that show the moment.
+    """
+
+    mean_m: Float[np.ndarray, "N K 3"]
+    sd_m: Float[np.ndarray, "N K"]
+    count: Int[np.ndarray, " N"]
+
+
+def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) -> KeypointEvidence:
+    """Evenly spaced moments of the reference."""
+    keypoints = scene.keypoints
+    last = keypoints.xy_px.shape[1] - 1
+    frames = np.unique(np.linspace(0, last, moments).round().astype(int))
+    xyz = scene.body.positions(scene.body.keypoints, state).xyz
+    rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
+    motions = [sample(x[: len(o.xy_px)], f[frames]).cpu().numpy() for x, o, f in rows]
+    scale = keypoints.sigma_px[:, frames, None] ** 2
+    return KeypointEvidence(
+        frames,
+        np.stack(motions),
+        keypoints.xy_px[:, frames],
+        keypoints.weight[:, frames] * scale,
+    )
+
+
+def frame_residuals(
+    pose: Float[np.ndarray, "N K 3"],
+    xy_px: Float[np.ndarray, "N K 2"],
+    weight: Float[np.ndarray, "N K"],
+    R: Float[np.ndarray, "D 3 3"],
+) -> Float[np.ndarray, "D N"]:
+    """Share of each frame's keypoint spread that a rotated pose leaves, 0 to 1; 0 if unknown.
+
+    Scaled orthographic: with keypoints x and a projected pose p, both about their weighted means,
+    1 - <x, p>^2 / (<x, x> <p, p>) of the squared spread is left by the best positive scale.
+    """
+    w = weight[..., None]
+    total = np.maximum(w.sum(1, keepdims=True), 1e-12)
+    given = np.where(w > 0, xy_px, 0.0)
+    x = given - (w * given).sum(1, keepdims=True) / total
+    p = pose - (w * pose).sum(1, keepdims=True) / total
+    cross = np.einsum("nk,nki,nkj->nij", weight, x, p)
+    moment = np.einsum("nk,nki,nkj->nij", weight, p, p)
+    product = np.einsum("dij,nij->dn", R[:, :2], cross)
+    spread = np.einsum("dij,njk,dik->dn", R[:, :2], moment, R[:, :2])
+    size = np.einsum("nk,nki,nki->n", weight, x, x)
+    visible = (weight > 0).sum(1) > 3
+    return np.where(visible, residual_share(product, spread, size), 0.0)
+
+
+def registration_residuals(
+    pose: Float[np.ndarray, "N K 3"],
+    xy_px: Float[np.ndarray, "N K 2"],
+    weight: Float[np.ndarray, "N K"],
+    R: Float[np.ndarray, "D 3 3"],
+    twins: Sequence[int],
+) -> Float[np.ndarray, " D"]:
+    """Mean residual of the visible frames for each rotation of the poses, 0 to 1.
+
+    A frame counts with left and right swapped where that is better by `SWAP_COST`.
+    """
+    columns = list(twins)
+    plain = frame_residuals(pose, xy_px, weight, R)
+    other = frame_residuals(pose, xy_px[:, columns], weight[:, columns], R)
+    visible = (weight > 0).sum(1) > 3
+    if not visible.any():
+        return np.ones(len(R))
+    return np.asarray(np.minimum(plain, other + SWAP_COST)[:, visible].mean(axis=1))
+
+
+def mean_of_others(
+    evidence: KeypointEvidence, R: Float[np.ndarray, "M 3 3"], v: int
+) -> PosesOfOthers:
+    """The other videos' poses in the world's axes, each about its own middle."""
+    others = [u for u in range(len(R)) if u != v]
+    world = np.einsum("mji,mnkj->mnki", R[others], evidence.xyz_m[others])
+    world = world - world.mean(axis=2, keepdims=True)
+    matched = np.max(evidence.weight[others] > 0, axis=2)[..., None]
+    count = matched.sum(axis=0)
+    mean = (matched[..., None] * world).sum(axis=0) / np.maximum(count, 1)[..., None]
+    square = matched * np.square(world - mean).sum(axis=-1)
+    return PosesOfOthers(mean, np.sqrt(square.sum(axis=0) / np.maximum(count, 1)), count[:, 0])
+
 
 DIRECTIONS = 128
 ROLLS_DEG = (-25.0, 0.0, 25.0)
@@ -99,7 +204,7 @@ def _better_rotation(
     evidence: KeypointEvidence, R: Float[np.ndarray, "M 3 3"], v: int, twins: Sequence[int]
 ) -> tuple[float, Float[np.ndarray, "3 3"]]:
     """The best far rotation of a camera; its residual over the present one's."""
-    pose = mean_of_others(evidence, R, v)
+    pose = mean_of_others(evidence, R, v).mean_m
     data = (evidence.xy_px[v], evidence.weight[v])
     candidates = np.concatenate([R[v][None], _candidates()])
     residuals = registration_residuals(pose, *data, candidates, twins)
@@ -127,7 +232,7 @@ def _candidates() -> Float[np.ndarray, "D 3 3"]:
 
 def _translated(scene: Scene, state: MotionState, cameras: Cameras, videos: list[int]) -> Cameras:
     """Translations of some cameras: their paths, from their own fits, onto the others' path."""
-    aligned = align(scene.body, state, scene.timeline)
+    aligned = scene.aligned(state)
     world = to_world(aligned, cameras)
     others = [u for u in range(len(cameras.R)) if u not in videos]
     t = cameras.t.clone()
@@ -150,9 +255,10 @@ def _carried(
     confidence[videos] = 0.0
     others = replace(scene, timeline=replace(scene.timeline, confidence=confidence))
     mean = consensus_motion(others, state, cameras, agreement_rad)
-    poses = common_at_video_frames(scene, state, mean, cameras).R_local
+    targets = targets_of(scene, state, mean, cameras)
     R_local = state.R_local.clone()
-    R_local[videos] = poses[videos]
+    matched = (targets.trust[videos] > 0)[..., None, None, None]
+    R_local[videos] = torch.where(matched, targets.R_local[videos], R_local[videos])
     return replace(state, R_local=R_local)
 
 
@@ -186,7 +292,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
     observations = []
     for v, o in enumerate(scene.observations):
         position = scene.timeline.to_reference[v]
-        pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
+        pose = mean_of_others(evidence, R, v).mean_m[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], o.confidence, 0.0)
         before = o.swapped_states
         possible = {0, *alone, WHOLE, *before.tolist()}
@@ -304,3 +410,66 @@ def unexplained(scene: Scene, state: MotionState) -> float:
         if matched.any():
             means.append(float(np.log(residual[matched] + EXPLAINED_FLOOR).mean()))
     return float(np.mean(means))
+
+
+LIMB_JOINTS = ("elbow", "wrist", "knee", "ankle")
+SURE = 0.5  # confidence from which a detection is not doubted
+LEAST_OTHERS = 2  # videos that show a moment: of two, either may be wrong
+AWAY = 0.05  # distance, in sizes of the person, from where the others expect a joint,
+SPREADS = 2.0  # and so many standard deviations of the others from one another
+
+
+@dataclass(frozen=True)
+class ExpectedPlaces:
+    """Where the other videos expect a video's keypoints, in its first frame's picture.
+
+    Attributes:
+        xy_px: (T, K, 2), NaN in frames with too few counterparts.
+        limit_px: (T, K) distance from there beyond which the others contradict a detection.
+    """
+
+    xy_px: Float[np.ndarray, "T K 2"]
+    limit_px: Float[np.ndarray, "T K"]
+
+
+def expected_by_others(scene: Scene, state: MotionState, cameras: Cameras) -> list[ExpectedPlaces]:
+    """Of every video the places of its keypoints by the mean of the other videos' poses.
+
+    Args:
+        state: every video's motion in its own camera's axes; its body's middle is where the poses
+            of the others are put.
+    """
+    evidence = keypoint_evidence(scene, state, scene.timeline.from_reference.shape[1])
+    poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
+    R, K = cameras.R.cpu().numpy(), cameras.K.cpu().numpy()
+    expected = []
+    for v, o in enumerate(scene.observations):
+        position = scene.timeline.to_reference[v]
+        moments = evidence.nearest_moment(position)
+        others = mean_of_others(evidence, R, v)
+        middle = poses[v, : len(o.xy_px)].mean(axis=1, keepdims=True)
+        place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
+        xy_px = project_camera(others.mean_m[moments] @ R[v].T + middle - place, K[v])
+        sd_px = others.sd_m[moments] * K[v, 0, 0] / (middle - place)[..., 2]
+        is_shown = np.isfinite(position) & (others.count[moments] >= LEAST_OTHERS)
+        expected.append(
+            ExpectedPlaces(
+                np.where(is_shown[:, None, None], xy_px, np.nan),
+                np.hypot(AWAY * o.size_px[:, None], SPREADS * sd_px),
+            )
+        )
+    return expected
+
+
+def contradicted(
+    observation: Observation, expected: ExpectedPlaces, names: Sequence[str]
+) -> Bool[np.ndarray, "T K"]:
+    """Which limb joints were detected, with doubt, where the other videos do not have them.
+
+    Args:
+        names: of the keypoints.
+    """
+    away = np.linalg.norm(observation.xy_px - expected.xy_px, axis=-1)
+    limbs = np.array([name.partition("_")[2] in LIMB_JOINTS for name in names])
+    doubted = (observation.confidence > 0) & (observation.confidence < SURE) & limbs
+    return doubted & (np.nan_to_num(away) > expected.limit_px)

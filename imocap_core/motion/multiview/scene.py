@@ -1,16 +1,10 @@
-"""What SMPL-BA works on and returns: videos, cameras, motions at the reference's frames.
-
-All videos' motions at the reference's frames.
-
-The cameras of all videos, and where they are at first.
-
-What SMPL-BA works on, and what it returns.
-"""
+"""What SMPL-BA works on and returns: videos, cameras, motions at the reference's frames."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -19,12 +13,13 @@ from torch import Tensor
 
 from imocap_core.camera.averaging import mean_rotation, mean_vector
 from imocap_core.motion.gauss_newton import Solution, gauss_newton
-from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.timeline import (
     BeyondReference,
     Timeline,
     sample,
+    sample_keypoints,
     sample_rotations,
+    values_at,
 )
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
@@ -144,6 +139,70 @@ def _translations(aligned: AlignedMotions, R: Tensor, reference: int) -> Tensor:
     return t
 
 
+@dataclass(frozen=True)
+class CommonKeypoints:
+    """Keypoints of M videos at the N frames of the reference.
+
+    Attributes:
+        xy_px: (M, N, K, 2); weight: (M, N, K) 1/px^2, 0 where missing; sigma_px: (M, N) noise.
+        offset_sd: (M, 6) standard deviations of each performance's per-frame rigid offset from the
+            common motion (three rotations, rad, and three translations, m), or None: rigid copies.
+        performers: of each video, the number of the person shown.
+        centre_m: (M, N, 3) places of the cameras, each in its first frame's axes, or None: none
+            of them moves.
+        place_sd_m: (M, N) standard deviations of the performers' places that come of the cameras'
+            uncertain paths, or None.
+    """
+
+    xy_px: Float[np.ndarray, "M N K 2"]
+    weight: Float[np.ndarray, "M N K"]
+    sigma_px: Float[np.ndarray, "M N"]
+    offset_sd: Float[np.ndarray, "M 6"] | None = None
+    performers: tuple[int, ...] = ()
+    centre_m: Float[np.ndarray, "M N 3"] | None = None
+    place_sd_m: Float[np.ndarray, "M N"] | None = None
+
+    def moves(self, video: int) -> bool:
+        """Whether the path of a video's camera is known."""
+        return self.centre_m is not None and bool(np.any(self.centre_m[video]))
+
+
+def common_keypoints(observations: Sequence[Observation], timeline: Timeline) -> CommonKeypoints:
+    """Sample all keypoints at the reference's frames, sub-frame."""
+    xy, weight, sigma = [], [], []
+    rows = zip(observations, timeline.from_reference, timeline.confidence, strict=True)
+    for o, position, trust in rows:
+        value, confidence = sample_keypoints(o.xy_px, o.confidence, position)
+        nearest = np.clip(np.nan_to_num(position).round().astype(int), 0, len(o.xy_px) - 1)
+        noise = o.sigma_px[nearest]
+        xy.append(value)
+        weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
+        sigma.append(noise)
+    return CommonKeypoints(
+        np.stack(xy), np.stack(weight), np.stack(sigma),
+        performers=tuple(o.performer for o in observations),
+        centre_m=_sampled([o.centre_m for o in observations], timeline, 3),
+        place_sd_m=_sampled([o.place_sd_m for o in observations], timeline),
+    )  # fmt: skip
+
+
+def _sampled(
+    values: Sequence[Float[np.ndarray, "_ ..."] | None], timeline: Timeline, *shape: int
+) -> Float[np.ndarray, "M N ..."] | None:
+    """Values of every video at the reference's frames, 0 where a video has none; None where no
+    video has any."""
+    if all(of_video is None for of_video in values):
+        return None
+    sampled = []
+    for of_video, position in zip(values, timeline.from_reference, strict=True):
+        if of_video is None:
+            sampled.append(np.zeros((len(position), *shape)))
+            continue
+        frame = np.clip(np.nan_to_num(position), 0, len(of_video) - 1)
+        sampled.append(values_at(of_video, frame))
+    return np.stack(sampled)
+
+
 TOLERANCE = 1e-3  # share of the objective that the last step of a solve lowers it by
 
 
@@ -165,6 +224,15 @@ class Scene:
     reference: int
     fit: FitParams
     beyond: Sequence[BeyondReference] = ()
+
+    @cached_property
+    def keypoints(self) -> CommonKeypoints:
+        """Every video's keypoints at the reference's frames."""
+        return common_keypoints(self.observations, self.timeline)
+
+    def aligned(self, state: MotionState) -> AlignedMotions:
+        """Every video's motion at the reference's frames, in its own camera's axes."""
+        return align(self.body, state, self.timeline)
 
     @property
     def K(self) -> Float[Tensor, "M 3 3"]:
@@ -259,11 +327,4 @@ def solve(
         relative_tolerance=TOLERANCE,
         shared_globals=performers is not None,
         bodies=performers,
-    )
-
-
-def per_video_terms(scene: Scene, template: Tensor) -> list[Term]:
-    """Every video's own image evidence and regularisers; template: gives dtype and device."""
-    return monocular_terms(
-        scene.body, scene.prior, scene.observations, template, scene.fit, scale=1.0
     )

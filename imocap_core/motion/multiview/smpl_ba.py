@@ -1,18 +1,12 @@
 """SMPL-BA: the motion of every video and all cameras, jointly (Eq. 8).
 
-One alternation of Eq. 8: Z and Y by SVD, poses by the solver, cameras by PnP.
-
-One motion for all videos, at every video's own frames.
-
-The time axis of the common motion beyond the reference's first and last frame.
-
-Other videos may begin earlier or end later. What two of them show there they settle together, as
-everywhere else: the axis is continued as far as two videos reach, for the solve alone.
-
 Two ways behind one parameter. ``paper`` alternates as the paper does: Z and Y by SVD, poses and
 paths by the solver, cameras by PnP. ``shared`` (default) starts from one such round, then fits
 ONE motion to all views' 2D at once and gives each video back as much freedom as its own image
 evidence asks for. ``single`` stops before that last step: one motion for all videos.
+
+Other videos may begin earlier or end later than the reference. The axis of the common motion is
+continued as far as two videos reach, for the solve alone.
 """
 
 from __future__ import annotations
@@ -24,132 +18,15 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 
-from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.motion.monocular.fit import Progress
-from imocap_core.motion.multiview.common_keypoints import CommonKeypoints, common_keypoints
 from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
-from imocap_core.motion.multiview.low_rank import (
-    SMOOTH_FRAMES,
-    agreement,
-    consensus_motion,
-    coupling_terms,
-    low_rank_targets,
-    mean_shapes,
-    to_video_axes,
-    to_video_frames,
-    to_world,
-)
-from imocap_core.motion.multiview.per_video import (
-    common_at_video_frames,
-    fit_deviations,
-    targets_of,
-)
+from imocap_core.motion.multiview.low_rank import consensus_motion, low_rank_round, mean_shapes
+from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import relocalise, with_sides_of_others
-from imocap_core.motion.multiview.scene import (
-    Cameras,
-    JointMotion,
-    Scene,
-    align,
-    cameras_from_motion,
-    per_video_terms,
-    solve,
-)
+from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene, cameras_from_motion
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
-from imocap_core.motion.state import Body, MotionState
+from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
-
-
-def low_rank_round(
-    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, *, pnp: bool
-) -> tuple[MotionState, Cameras, float]:
-    """Couple every motion to its low-rank approximation; returns motions, cameras and objective.
-
-    Joints that do not follow the other videos are released (leave-one-out, Geman-McClure), so that
-    a different performance keeps its own pose.
-
-    Args:
-        pnp: refine the cameras by PnP over all frames (section 3.2, "Optimization").
-    """
-    aligned = align(scene.body, state, scene.timeline)
-    world = to_world(aligned, cameras)
-    follows = agreement(
-        world.R_local, world.weight, scale_rad=options.agreement_rad, smooth_frames=SMOOTH_FRAMES
-    )
-    Z, Y = low_rank_targets(aligned, cameras, follows * world.weight[..., None], options.rank)
-    targets = to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
-    joint_weight = to_video_frames(follows, scene.timeline, state) / options.coupling_rad**2
-    path_weight = torch.full_like(targets.trust, options.coupling_path_m**-2)
-    terms = per_video_terms(scene, state.trans)
-    terms += coupling_terms(scene.body, targets, state, joint_weight, path_weight)
-    solution = solve(terms, state, options.max_steps, performers=scene.performers)
-    state = solution.state
-    cameras = cameras_from_motion(
-        align(scene.body, state, scene.timeline), cameras.K, scene.reference
-    )
-    if pnp:
-        keypoints = common_keypoints(scene.observations, scene.timeline)
-        common = consensus_motion(scene, state, cameras, options.agreement_rad)
-        cameras = refine_by_pnp(
-            scene.body, common, keypoints, cameras, scene.reference,
-            robust_scale=scene.fit.robust_scale_sigma,
-        )  # fmt: skip
-    return state, cameras, solution.costs[-1]
-
-
-def refine_by_pnp(
-    body: Body,
-    motion: MotionState,
-    keypoints: CommonKeypoints,
-    cameras: Cameras,
-    reference: int,
-    *,
-    robust_scale: float,
-) -> Cameras:
-    """Each camera from the common motion's 3D keypoints over all frames (PnP, "Optimization").
-
-    A camera whose PnP fails keeps its place, and so does one that moves.
-    """
-    xyz = body.positions(body.keypoints, motion).xyz[0].cpu().numpy()
-    R, t = cameras.R.clone(), cameras.t.clone()
-    for v in range(len(R)):
-        if v == reference or not (keypoints.weight[v] > 0).any() or keypoints.moves(v):
-            continue
-        sigma = float(np.median(keypoints.sigma_px[v]))
-        pose = pnp_over_frames(
-            xyz,
-            keypoints.xy_px[v],
-            keypoints.weight[v] * sigma**2,
-            cameras.K[v].cpu().numpy(),
-            R[v].cpu().numpy(),
-            scale_px=robust_scale * sigma,
-        )
-        if pose.ok:
-            R[v], t[v] = torch.as_tensor(pose.R).to(R), torch.as_tensor(pose.t).to(t)
-    return replace(cameras, R=R, t=t)
-
-
-SAME_RAD, SAME_M = 1e-3, 1e-4  # that a matched frame may differ from the common motion by
-
-
-def follow_common(
-    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras, options: MotionParams
-) -> MotionState:
-    """The common motion at every video's matched frames; where a video shows more than the
-    reference, its own evidence, continuing the common motion.
-
-    Args:
-        state: every video's motion so far, in its own camera's axes; common: batch of 1, world.
-    """
-    start = common_at_video_frames(scene, state, common, cameras)
-    if all(np.isfinite(position).all() for position in scene.timeline.to_reference):
-        return start
-    targets = targets_of(scene, start, common, cameras)
-    matched = (targets.trust > 0).to(start.trans)
-    joints = matched[..., None].expand(*matched.shape, 24) / SAME_RAD**2
-    coupling = coupling_terms(scene.body, targets, start, joints, matched / SAME_M**2)
-    terms = [*per_video_terms(scene, start.trans), *coupling]
-    return solve(terms, start, options.max_steps, performers=scene.performers).state
-
 
 NEAR_END = 0.5  # frames: so far beyond an end is still that frame
 
@@ -283,8 +160,8 @@ def _recovered(
         scene = with_sides_of_others(scene, state, cameras)
         afresh |= any((a != b).any() for a, b in zip(swapped, scene.swapped, strict=False))
         return common_then_deviations(scene, state, cameras, options, progress, afresh=afresh)
-    aligned = align(scene.body, state, scene.timeline)
-    cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
+    K = scene.K.to(start.trans)
+    cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
     if options.objective == "paper":
         return _alternate(scene, state, cameras, options, progress)
     progress("coupled fit 1 of 1")  # only a start for the common fit

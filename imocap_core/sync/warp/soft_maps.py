@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -27,6 +28,15 @@ from imocap_core.sync.maps import BandedMap, refined_bands
 from imocap_core.sync.warp.monotone import StepPrior, banded_posterior
 from imocap_core.sync.warp.rate import banded_rate_posterior, rate_prior
 from imocap_core.sync.warp.template import NearbySquares
+
+
+class PairClock(NamedTuple):
+    """Frame rates of two videos in the action's time, and that of the first one's evidence (as of
+    `Clocks`)."""
+
+    fps: float
+    fps_to: float
+    evidence_fps: float
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,11 @@ class Clocks:
         """Frames per second in which errors of estimates persist: the geometric mean of the video's
         and the action's, because errors come partly of pictures, partly of poses."""
         return [f / float(np.sqrt(r)) for f, r in zip(self.fps, self.rates, strict=True)]
+
+    def pair(self, i: int, j: int, n: int = 1) -> PairClock:
+        """Video i compared with video j, by every n-th frame of both."""
+        fps = self.action_fps
+        return PairClock(fps[i] / n, fps[j] / n, self.evidence_fps[i] / n)
 
 
 GAIN = 2.0  # nats per observation when the distance changes by a factor of e
@@ -105,12 +120,10 @@ def soft_map(
     squares: NearbySquares,
     matched_square: float,
     change: Float[np.ndarray, " N"],
-    *,
-    fps: float,
-    fps_to: float,
-    evidence_fps: float,
-    per_frame: int,
+    clock: PairClock,
     params: SyncParams,
+    *,
+    per_frame: int,
     smooth_rate_share: float,
 ) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
     """Soft map of one video into another from squared distances, and P(matched) of each frame.
@@ -122,11 +135,9 @@ def soft_map(
     Args:
         matched_square: typical squared distance of matching frames.
         change: squared change of the first video's pose around each frame (`pose_change`).
-        fps, fps_to: of the two videos, in the action's time.
-        evidence_fps: of the first video, as of `Clocks`.
         per_frame: positions (columns) per frame of the second video.
     """
-    observations = observations_per_frame(params.evidence_per_s, evidence_fps)
+    observations = observations_per_frame(params.evidence_per_s, clock.evidence_fps)
     comparable = np.isfinite(squares.least)
     cost = _costs(squares, matched_square, observations)
     unmatched = evidence_of_match(
@@ -136,7 +147,7 @@ def soft_map(
         level=params.unmatched_level,
         observations=observations,
     )
-    usual = fps_to / fps * per_frame
+    usual = clock.fps_to / clock.fps * per_frame
     steps = step_prior(usual, params.max_rate)
     posterior, matched = banded_posterior(cost, unmatched=unmatched, steps=steps)
     if smooth_rate_share == 0:
@@ -146,7 +157,7 @@ def soft_map(
         spread=params.rate_spread,
         persistence_s=params.rate_persistence_s,
         max_rate=params.max_rate,
-        fps=fps,
+        fps=clock.fps,
     )
     skipped = SKIPPED_SHARE * observations / usual
     smooth, smooth_matched = banded_rate_posterior(
@@ -232,11 +243,9 @@ def _map_of_every(
         squares,
         typical_matched_square(squares.least, distances),
         distances.change[i][::n],
-        fps=clocks.action_fps[i] / n,
-        fps_to=clocks.action_fps[j] / n,
-        evidence_fps=clocks.evidence_fps[i] / n,
+        clocks.pair(i, j, n),
+        params,
         per_frame=1,
-        params=params,
         smooth_rate_share=params.regularity,
     )
 
