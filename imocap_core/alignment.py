@@ -1,11 +1,7 @@
 """Procrustes alignment of point sets, weighted, batched; a rotation at a local minimum.
 
-Procrustes alignment of point sets: rigid or similarity, weighted, batched, ignoring NaN.
-
 Points that are NaN in either set, or whose weight is zero, are ignored. Directions are in the
 names: ``R_target_from_source`` rotates vectors from the axes of ``source`` to those of ``target``.
-
-A rotation at a local minimum of a residual, by coordinate search (pattern search).
 """
 
 from __future__ import annotations

@@ -1,17 +1,14 @@
 """Files written whole, and which files of a folder this program wrote.
 
-Files that appear whole or not at all: written aside, synced, renamed.
-
-A rename replaces a link instead of writing through it, so a link that somebody left where a file
-is to be written leads nowhere.
+Files that appear whole or not at all: written aside, synced, renamed. A rename replaces a link
+instead of writing through it, so a link that somebody left where a file is to be written leads
+nowhere.
 
 Which files of a folder this program wrote, so that people's files there are never lost.
 
     .made.json     name -> SHA-256 of every file that the program wrote into the folder
 
 A file that is not listed, or has another content by now, is somebody's.
-
-Hidden folders beside a demo action, in which it is made; killed processes leave theirs.
 """
 
 from __future__ import annotations

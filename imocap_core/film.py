@@ -1,15 +1,4 @@
-"""Films: the bodies over every video, and all videos in lock-step.
-
-One video with all that a film needs: frames, camera, body, colour.
-
-A video with the recovered body over each of its frames.
-
-All videos in lock-step: each tile shows the frame that belongs to the same moment.
-
-The frame of a film of several videos: its title above, the common time axis below.
-
-The films of a result: what each shows, and writing it.
-"""
+"""Films: the bodies over every video, and all videos in lock-step."""
 
 from __future__ import annotations
 

@@ -1,21 +1,13 @@
 """Mesh rendering: a numpy z-buffer and a painter's algorithm, shading, blending over a frame.
 
-Diffuse shading: vertex normals, a directional lamp and hemispheric sky light.
+Triangle rasterisation: a z-buffer in plain numpy. Every triangle proposes the pixel centres in its
+bounding box, all triangles at once. This is fast for body meshes: many triangles, each a few pixels
+large.
 
-Triangle rasterisation: a z-buffer in plain numpy.
-
-Every triangle proposes the pixel centres in its bounding box, all triangles at once. This is fast
-for body meshes: many triangles, each a few pixels large.
-
-Exact mesh rendering over a picture: the demo's performer, and results over real frames.
-
-Painter's algorithm: fast mesh rendering over video frames, far faces first.
-
-It needs no depth per pixel, so its cost depends on the number of faces and hardly on the size of
-the picture. Intersecting faces are drawn wrongly; those of a body are a few pixels large, so that
-this is not visible. `draw_mesh` is exact, and several times slower.
-
-A body from its front, its right side and its back, with a level camera and to scale.
+Painter's algorithm: fast mesh rendering over video frames, far faces first. It needs no depth per
+pixel, so its cost depends on the number of faces and hardly on the size of the picture.
+Intersecting faces are drawn wrongly; those of a body are a few pixels large, so that this is not
+visible. `draw_mesh` is exact, and several times slower.
 """
 
 from __future__ import annotations

@@ -1,14 +1,8 @@
 """Sequences of frames: runs, the cheapest path through states, presentation times.
 
-Runs of frames in which something holds.
-
-The cheapest sequence of a few states (Viterbi, IEEE Trans. Inf. Theory 13:260-269, 1967).
-
-Presentation times of a video's frames: whether its rate is constant, and even moments in it.
-
-Phones and screen recorders write frames when they have them. Everything that follows the keypoints
-works at a constant rate, so a video of variable rate is read at even moments, each at a fractional
-frame.
+Presentation times of a video's frames: whether its rate is constant, and even moments in it. Phones
+and screen recorders write frames when they have them. Everything that follows the keypoints works
+at a constant rate, so a video of variable rate is read at even moments, each at a fractional frame.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""`imocap sync`: synchronisation alone, and long clips cut into repetitions.
-
-Long clips with many repetitions, cut into videos of their own before anything is captured.
-
-The action that `imocap sync` makes of its arguments: artifacts/NAME/action.yaml.
-
-Synchronisation alone, from keypoints (and videos) to a table, a picture and a film.
-"""
+"""`imocap sync`: synchronisation alone, and long clips cut into repetitions."""
 
 from __future__ import annotations
 

@@ -1,18 +1,10 @@
 """Technique: what the performances of one action share, and how they differ (docs/technique.md).
 
-Performances of one action at the same phases, on one body, turned to one facing direction.
+Consistency of repetitions: the coefficient of multiple correlation of gait analysis, squared. 1
+when all performances are equal, 0 when they are no more alike than unrelated moments of them.
 
-The mean motion of several performances, and each performance's deviation from it.
-
-Consistency of repetitions: the coefficient of multiple correlation of gait analysis, squared.
-
-1 when all performances are equal, 0 when they are no more alike than unrelated moments of them.
-
-Modes of variation: principal components of the performances' deviations from their mean.
-
-The low-rank model of Eq. 4 with the mean removed.
-
-Difference of two mean motions on one phase axis, in units of the spread of repetitions.
+Modes of variation: principal components of the performances' deviations from their mean. The
+low-rank model of Eq. 4 with the mean removed.
 """
 
 from __future__ import annotations

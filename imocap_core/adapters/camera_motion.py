@@ -1,11 +1,8 @@
 """A camera by its background: its motion, and its path where it walks.
 
 A camera that leaves its place: found by its background's parallax, and followed where it can be.
-
 Structure from motion needs the optional extra `moving` (pycolmap). Its unit of length is any; the
 performer's size and feet give it metres later (`path_unit`).
-
-A camera by its background: its lens corrected, its motion, and its path where it walks.
 """
 
 from __future__ import annotations

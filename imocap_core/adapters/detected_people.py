@@ -1,13 +1,4 @@
-"""One video of an action: its detections read, its pictures looked through, its performer tracked.
-
-A video's pictures looked through once: cuts between shots, and frames that are damaged.
-
-Everybody detected in the used frames of a declared video, before tracking.
-
-One video of an action: its detections read, its pictures looked through, everybody tracked.
-
-The performer of a video, as the stage keypoints gives them on.
-"""
+"""One video of an action: detections read, pictures looked through, its performer tracked."""
 
 from __future__ import annotations
 

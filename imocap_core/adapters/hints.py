@@ -1,11 +1,4 @@
-"""Hints for the synchronisation: anchors and forbidden spans, sound, the clock of one event.
-
-Anchors and forbidden spans of action.yaml, converted from source frames to used frames.
-
-Videos of one event: when each began, by their sound, as hints for the synchronisation.
-
-One event in all videos: one offset and rate a video, in place of free correspondences.
-"""
+"""Hints for the synchronisation: anchors and forbidden spans, sound, the clock of one event."""
 
 from __future__ import annotations
 

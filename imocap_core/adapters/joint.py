@@ -1,9 +1,4 @@
-"""The joint motion's problem: from artifacts to what SMPL-BA solves, and back.
-
-Whether all videos show one motion, or performances that differ.
-
-Videos that were solved together: those of the action, and each excluded video by itself.
-"""
+"""The joint motion's problem: from artifacts to what SMPL-BA solves, and back."""
 
 from __future__ import annotations
 

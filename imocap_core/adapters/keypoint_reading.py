@@ -1,11 +1,8 @@
 """Keypoints beside the video that they are of: their pixels, frame numbers and rate.
 
-The people between two frames of keypoints, each joint on the straight line.
-
-What action.yaml declares of a video, against the evidence: its file, and its keypoints.
-
-A wrong size or focal length would put the performer kilometres away and pull every other video's
-camera with it, so it ends the run with a sentence.
+What action.yaml declares of a video, against the evidence: its file, and its keypoints. A wrong
+size or focal length would put the performer kilometres away and pull every other video's camera
+with it, so it ends the run with a sentence.
 
 A detector may have run on another version of the video: a smaller copy, stored pixels that are not
 square, pictures numbered from 1, every second frame. Numbers and reach say what is possible, and

@@ -1,13 +1,8 @@
 """The monocular fit of one video, which nothing but that video determines.
 
-Where the monocular fits begin.
-
-The units of moving cameras' paths in metres, before the monocular fits.
-
-What does not matter to it (its name, where its files lie, what is noted of it) is left out first,
-so that every action that has the video finds the fit again.
-
-Refits of videos in which a detector took left for right for a while, as the others say.
+The units of moving cameras' paths in metres, before the monocular fits. What does not matter to it
+(its name, where its files lie, what is noted of it) is left out first, so that every action that
+has the video finds the fit again.
 """
 
 from __future__ import annotations

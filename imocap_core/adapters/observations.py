@@ -1,9 +1,4 @@
-"""Detections, motions and cameras between artifacts and the core.
-
-From detections to the observations that a fit works on.
-
-Motions and cameras between artifacts and the core: axis-angle there, rotation matrices here.
-"""
+"""Detections, motions and cameras between artifacts and the core."""
 
 from __future__ import annotations
 

@@ -1,14 +1,8 @@
 """Everybody's tracks in each video, and who performs; videos and parts that cannot be used.
 
-Videos that can be used: one whose declaration or files are wrong is left out, and named.
-
-The others' result is then the one that they would have without it. Where fewer than two would
-remain, all faults are one error: nobody who gave several videos wants the motion of one.
-
-Cuts between the shots of a video: a little of another shot at either end is left out, and for
-the rest there is advice.
-
-From detections to the performer: everybody's tracks in each video, and who performs.
+Videos that can be used: one whose declaration or files are wrong is left out, and named. The
+others' result is then the one that they would have without it. Where fewer than two would remain,
+all faults are one error: nobody who gave several videos wants the motion of one.
 
 The declaration in action.yaml comes first, then the score (presence x size x motion); where several
 people have similar scores, agreement with the people of the other videos decides.

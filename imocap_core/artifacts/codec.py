@@ -1,10 +1,7 @@
 """Artifacts as MCAP files: one JSON header, one protobuf message an array, side files attached.
 
-The protobuf message `imocap.NdArray {name, dtype, shape, data}`, built without protoc.
-
-What a result says of how it was made: a recipe as JSON texts, checked where it is read.
-
-An artifact may come from somebody else; whoever reads its recipe relies on these forms.
+What a result says of how it was made: a recipe as JSON texts, checked where it is read. An artifact
+may come from somebody else; whoever reads its recipe relies on these forms.
 
 The content digest is taken over the decoded messages, never over the file: compressed bytes differ
 between releases of zstandard. Everything in the file is covered by a checksum, and every way in

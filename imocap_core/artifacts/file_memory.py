@@ -1,9 +1,5 @@
 """What was computed from files, remembered while they stay unchanged; a lock between processes.
 
-A lock between processes; the operating system releases it when its process ends.
-
-What was computed from the content of files, remembered while the files stay unchanged.
-
 A large video is hashed once, not by every command. A file counts as unchanged while its size,
 modification time and inode do; a folder, while those of all its files do. This only decides
 whether something is read again: keys and artifacts are made from contents alone.

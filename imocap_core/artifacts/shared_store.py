@@ -7,20 +7,12 @@ results/<stage>/<key>.mcap       results of stages, by all that they depend on
 
 But for the last, a name stands for one content: whoever writes it writes the same.
 
-Errors of a shared store that may pass are waited for; others become a sentence at once.
-
-A shared store in a folder that several machines mount.
-
 A shared store behind a URL, through fsspec: object stores (S3, GCS, Azure), SFTP and others.
-
 Credentials and the server's address are those of fsspec and of the store's package: the environment
 (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL), its files (~/.aws), or fsspec's (FSSPEC_S3_KEY).
 
-Results in a shared store: read and checked before they enter the cache of this machine.
-
-A result that is there twice under one key should be the same; the first one counts.
-
-The shared store at a URL.
+Results in a shared store: read and checked before they enter the cache of this machine. A result
+that is there twice under one key should be the same; the first one counts.
 """
 
 from __future__ import annotations

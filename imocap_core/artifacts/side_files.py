@@ -1,10 +1,5 @@
 """Side files of an artifact: their names, the folder that they become; links in a store.
 
-Links in a store: none may lead out of it, or a folder from elsewhere would say what is written
-where.
-
-Side files of an artifact (a stage's report): their names, and the folder that they become.
-
 An artifact may come from anybody, and its attachments name themselves. Only relative names of plain
 parts are taken, so that no file is written outside its folder.
 """

@@ -1,25 +1,17 @@
 """Joint angles by ISB's recommendations, in degrees, their standard deviations and mean curve.
 
-Rotations as three angles about the axes of a joint coordinate system.
-
-Grood & Suntay (J. Biomech. Eng. 105:136-144, 1983): the first axis is fixed to the proximal
-segment, the third to the distal one, the second floats. All angles are in radians.
-
-Joint angles by ISB's recommendations, in degrees.
+Rotations as three angles about the axes of a joint coordinate system. Grood & Suntay (J. Biomech.
+Eng. 105:136-144, 1983): the first axis is fixed to the proximal segment, the third to the distal
+one, the second floats. All angles are in radians.
 
 Wu et al. 2002 (hip, ankle, spine), Grood & Suntay 1983 (knee), Wu et al. 2005 (shoulder, elbow,
 wrist); pelvis in the world after Baker 2001. Signs are those that clinicians use, the same on both
 sides: flexion, adduction, internal rotation, dorsiflexion, inversion, pronation and ulnar deviation
 are positive (`MEANING`).
 
-How the rotations of the anatomical joints follow increments of the body model's.
-
-A segment is turned by one of SMPL's joints, and those between it and its proximal neighbour carry
-it along. The forearm is turned by the elbow and the twist of the wrist (`segments`).
-
-Standard deviations of joint angles from covariances of the joints' rotations.
-
-Mean and standard deviation of an angle over several performances of an action.
+How the rotations of the anatomical joints follow increments of the body model's. A segment is
+turned by one of SMPL's joints, and those between it and its proximal neighbour carry it along. The
+forearm is turned by the elbow and the twist of the wrist (`segments`).
 """
 
 from __future__ import annotations

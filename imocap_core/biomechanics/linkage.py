@@ -3,13 +3,10 @@
 Segments, their axes and the angles between them are those of `segments` and `joint_angles`. With
 all coordinates at 0 the body stands in the anatomical position. Lengths are metres, angles radians.
 
-The coordinates of a linkage from a motion of the body model: ISB's angles and translations.
-
-Mass and inertia of the linkage's segments, for a body of known shape.
-
-The total comes from the volume of the surface; the shares are de Leva's (`body.mass`), the inertia
-is that of a homogeneous ellipsoid as large as the segment's vertices reach. Good for pictures and
-first estimates; a study of forces wants measured numbers.
+Mass and inertia of the linkage's segments, for a body of known shape. The total comes from the
+volume of the surface; the shares are de Leva's (`body.mass`), the inertia is that of a homogeneous
+ellipsoid as large as the segment's vertices reach. Good for pictures and first estimates; a study
+of forces wants measured numbers.
 """
 
 from __future__ import annotations

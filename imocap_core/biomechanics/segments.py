@@ -1,7 +1,5 @@
 """Anatomical coordinate systems of the body's segments (ISB), and surface markers on them.
 
-Anatomical coordinate systems of the body's segments, in the axes of ISB's recommendations.
-
 X points forward, Y up (from the distal to the proximal end of a limb's segment), Z to the right, in
 the anatomical position: standing, arms at the sides, palms forward (Wu et al., J. Biomech.
 35:543-548, 2002, lower limb; 38:981-992, 2005, upper limb). Left limbs are mirrored at the sagittal
@@ -11,11 +9,10 @@ The body model gives joint centres and no bony landmarks. Long axes run through 
 axis about which a segment lies around its long axis is that of the rest pose (a T pose, palms down,
 toes forward), in which elbows and knees bend about the axes that the model's hinges have.
 
-Surface markers: vertices of the body that move with one segment, for programs that want markers.
-
-A marker lies where a ray from a point on the segment's long axis leaves the body at rest. Vertices
-that skinning shares between segments are left out, so that a marker is rigid with its segment;
-none is a palpated landmark, and names say so (`thigh_front`, not a bone).
+Surface markers: vertices of the body that move with one segment, for programs that want markers. A
+marker lies where a ray from a point on the segment's long axis leaves the body at rest. Vertices
+that skinning shares between segments are left out, so that a marker is rigid with its segment; none
+is a palpated landmark, and names say so (`thigh_front`, not a bone).
 """
 
 from __future__ import annotations

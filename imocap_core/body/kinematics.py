@@ -1,17 +1,13 @@
 """Forward kinematics of a joint tree, its centre of mass, and the types of bodies.
 
-Types of the bodies that keypoints and skinning work on (`model` imports both).
+Types of the bodies that keypoints and skinning work on (`model` imports both). For type checkers
+these are protocols. At run time they are `Any`: to check an instance against a protocol would
+compute all its cached arrays.
 
-For type checkers these are protocols. At run time they are `Any`: to check an instance against a
-protocol would compute all its cached arrays.
-
-Forward kinematics of a joint tree, all joints of one depth at a time.
-
-Centre of mass of a body from its joints.
-
-Shares of the body's mass and the place of each segment's centre along it: de Leva, Adjustments to
-Zatsiorsky-Seluyanov's segment inertia parameters, J. Biomechanics 29 (1996), men. The numbers have
-not been compared with the printed edition; a centimetre or two is all that balance asks for.
+Centre of mass of a body from its joints. Shares of the body's mass and the place of each segment's
+centre along it: de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, J.
+Biomechanics 29 (1996), men. The numbers have not been compared with the printed edition; a
+centimetre or two is all that balance asks for.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """Keypoints of any body: detectors' layouts (data/layouts.toml), and surface landmarks.
 
-Surface landmarks of any body in SMPL's rest pose, located by its geometry and its joints.
-
-The free body has a table of landmarks (see tools/free_body_parts.py). Official files have none, so
-the points of detectors are located: the tip of the nose is the foremost vertex of the head's
-middle, the heel the rearmost of the foot's lowest, and so on. Metres, y up, facing +z.
-
-Keypoint layouts of detectors and data sets on any body: the table is data/layouts.toml.
+Surface landmarks of any body in SMPL's rest pose, located by its geometry and its joints. The free
+body has a table of landmarks (see tools/free_body_parts.py). Official files have none, so the
+points of detectors are located: the tip of the nose is the foremost vertex of the head's middle,
+the heel the rearmost of the foot's lowest, and so on. Metres, y up, facing +z.
 """
 
 from __future__ import annotations

@@ -1,18 +1,13 @@
 """The SMPL body model as immutable values: Model -> Shaped -> Posed -> Mesh; its Jacobians.
 
-The SMPL body model as immutable values: Model -> Shaped -> Posed -> Mesh.
-
 Each value adds a shape, a pose or a surface to the one before and refers to it, so nothing is
 computed twice and nothing can be out of date. All arrays are torch tensors of one device and
 dtype; leading axes broadcast, e.g. betas (M, 1, 10) with R_local (M, T, 24, 3, 3). Model and
 formulas: Loper et al., "SMPL", SIGGRAPH Asia 2015.
 
-Conversions between the pose parameters of SMPL-family models (docs/conventions.md).
-
-Keypoints and their analytic Jacobians by pose and shape, for all poses in a few products.
-
-With right local increments ``R_local_k <- R_local_k @ exp(delta_k)`` everything below joint k
-rotates about it by ``R_world_k @ delta_k``, so
+Keypoints and their analytic Jacobians by pose and shape, for all poses in a few products. With
+right local increments ``R_local_k <- R_local_k @ exp(delta_k)`` everything below joint k rotates
+about it by ``R_world_k @ delta_k``, so
 
     d p / d delta_k = (R_world_k delta_k) x arm_k
     arm_k            = sum of R_world_j lever_j over the joints j at or below k

@@ -1,10 +1,9 @@
 """SMPL, SMPL+H and SMPL-X from official files (.pkl or .npz as downloaded).
 
-The arrays in an official model's .pkl file, read without running anything that is in it.
-
-SMPL's .pkl files hold numpy arrays, scipy sparse matrices and chumpy objects. chumpy no longer
-imports: its objects and scipy's become inert records (`imocap_core.unpickle`), and their arrays are
-taken out of these.
+The arrays in an official model's .pkl file, read without running anything that is in it. SMPL's
+.pkl files hold numpy arrays, scipy sparse matrices and chumpy objects. chumpy no longer imports:
+its objects and scipy's become inert records (`imocap_core.unpickle`), and their arrays are taken
+out of these.
 
 Nothing of these models ships with the package: their licences require each user to register at
 smpl.is.tue.mpg.de, mano.is.tue.mpg.de or smpl-x.is.tue.mpg.de.

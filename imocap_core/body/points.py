@@ -1,7 +1,5 @@
 """Keypoints as levers: joints and surface points without skinning; and the skinning of all.
 
-Keypoints as levers: joints and surface points without skinning the whole surface.
-
 A point that is a weighted mean of joints and skinned vertices is
 
     p = root + sum_k R_world_k @ lever_k,        root = joints_rest[0] + transl
@@ -11,10 +9,8 @@ pose blend shapes, in the entries of the local rotations). It is the sum of the 
 that joint k moves, by their weights, and of its bones towards the joints below that move the rest.
 So a layout on any number of bodies is one matrix product, and so are its derivatives.
 
-Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015).
-
-Bone k moves a rest vertex x to ``R_k (x - rest_k) + joint_k``; a skinned vertex is the weighted
-mean over its bones.
+Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015). Bone k moves a rest
+vertex x to ``R_k (x - rest_k) + joint_k``; a skinned vertex is the weighted mean over its bones.
 """
 
 from __future__ import annotations

@@ -4,11 +4,8 @@ Every frame is matched directly to a key frame instead of to the frame before it
 per key frame and not per frame. The earliest key frame that overlaps enough is used, so a camera
 that pans back is matched to its first frame again and the drift disappears.
 
-Matches of the background as a pinhole camera would show them.
-
-Feature tracks: background corners followed through a video, from the picture they were found in.
-
-A corner is compared with the picture of its first frame in every later one, so a track does not
+Feature tracks: background corners followed through a video, from the picture they were found in. A
+corner is compared with the picture of its first frame in every later one, so a track does not
 drift; it ends where it leaves the picture, is covered, or no longer looks the same.
 """
 

@@ -1,11 +1,4 @@
-"""The one world that is level: direction of gravity, ground plane, camera axes to world axes.
-
-From camera axes to world axes, and from a world to another one.
-
-Direction of gravity: the posterior of up, from how cameras are held and how bodies stand.
-
-Ground plane estimation, and the one world that is level with it.
-"""
+"""The one world that is level: direction of gravity, ground plane, camera axes to world axes."""
 
 from __future__ import annotations
 

@@ -1,16 +1,14 @@
 """Radial distortion of a camera that stands, estimated from straight lines of the scene.
 
-Edges of a picture as chains of points, to a fraction of a pixel.
+Edges of a picture as chains of points, to a fraction of a pixel. An edge pixel (Canny, 1986) is
+moved along the gradient to where it is steepest, and linked with neighbours whose gradient points
+the same way. A chain that is not one slight bend is split.
 
-An edge pixel (Canny, 1986) is moved along the gradient to where it is steepest, and linked with
-neighbours whose gradient points the same way. A chain that is not one slight bend is split.
-
-The background of a camera that stands, without the person who moves before it: a median.
-
-Plumb-line calibration (Brown, 1971) with one coefficient about the middle of the picture: without
-the distortion, as much of the picture's edges as possible is straight. Chains of edges are weighted
-by their length, robustly: what is round is round through any lens. The uncertainty comes from
-drawing parts of the picture at random (bootstrap), as lines of one thing err together.
+The background of a camera that stands, without the person who moves before it: a median. Plumb-line
+calibration (Brown, 1971) with one coefficient about the middle of the picture: without the
+distortion, as much of the picture's edges as possible is straight. Chains of edges are weighted by
+their length, robustly: what is round is round through any lens. The uncertainty comes from drawing
+parts of the picture at random (bootstrap), as lines of one thing err together.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """Perspective-n-point (PnP) over a whole clip, and resection: cameras from points and pixels.
 
-Refinement of one camera pose: Levenberg-Marquardt on a robust reprojection cost.
-
-Perspective-n-point (PnP) over a whole clip: one camera pose from the joints of all frames.
-
 The body moves through the scene, so all frames together have far more depth variation than any
 single one. The order of the steps matters: refining the rotation from a rough translation lets it
 diverge by tens of degrees. So the translation is solved first, linearly with the rotation fixed and

@@ -1,16 +1,13 @@
 """The pinhole camera, and the distortion of a lens: points to pixels, pixels to rays.
 
-The pinhole camera: points to pixels, pixels to rays, homographies on pixels.
-
 Camera axes are OpenCV's (x right, y down, z forward): ``x_cam = R_cam_from_world @ x_world + t``,
 ``K`` is 3x3 in pixels, there is no lens distortion.
 
-Distortion of a lens: OpenCV's radial and tangential polynomial, and its inverse.
-
-A ray at ``(x, y)`` of the normalised picture, r^2 = x^2 + y^2, is seen at
-``x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)``, and likewise y (Brown 1966).
-A polynomial turns back on itself at some radius; beyond it the displacement's factor is that of
-this radius, so that every ray has one pixel and every pixel one ray.
+Distortion of a lens: OpenCV's radial and tangential polynomial, and its inverse. A ray at ``(x,
+y)`` of the normalised picture, r^2 = x^2 + y^2, is seen at ``x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2
+p1 x y + p2 (r^2 + 2 x^2)``, and likewise y (Brown 1966). A polynomial turns back on itself at some
+radius; beyond it the displacement's factor is that of this radius, so that every ray has one pixel
+and every pixel one ray.
 """
 
 from __future__ import annotations

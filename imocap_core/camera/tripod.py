@@ -4,11 +4,8 @@ The most that a background can show without parallax. Its parameters are fitted 
 over pairs of key frames (`tripod_fit`): a point of one is where the other's ray, rotated, meets its
 picture.
 
-A camera on one spot fitted to feature tracks: Levenberg-Marquardt under a narrowing loss.
-
-Radial distortion of a camera on one spot, estimated from how its background moves as it turns.
-
-A rotation moves the picture of a pinhole camera by a homography of three parameters; what is left,
+Radial distortion of a camera on one spot, estimated from how its background moves as it turns. A
+rotation moves the picture of a pinhole camera by a homography of three parameters; what is left,
 the same in every pair of frames, is the lens. It counts only where tracks that took no part in the
 fit agree with it, in both halves of them, by far more than by chance.
 """

@@ -1,21 +1,4 @@
-"""Commands on actions: `init`, `collect`, `pick`, `detect`, `people`, `list`, `push` and others.
-
-`imocap init`: a new action for some videos.
-
-`imocap collect`: an action out of long videos, and the table of their shots.
-
-`imocap pick`: choose performers, spans and anchors on a page in the browser.
-
-`imocap detect`: detect the people in an action's videos, and nothing more.
-
-`imocap people`: the people in each video, the performer among them, and cuts between shots.
-
-`imocap list`: the actions of the working folder, a line each.
-
-`imocap push` and `pull`: an action into a store that several machines share, and from it.
-
-`imocap clean`: the contents of the cache, and what was removed.
-"""
+"""Commands on actions: `init`, `collect`, `pick`, `detect`, `people`, `list`, `push` and others."""
 
 from __future__ import annotations
 

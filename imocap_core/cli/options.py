@@ -1,11 +1,7 @@
 """What the commands have in common: their arguments, the working folder, the terminal, `--json`.
 
-What the commands have in common: their arguments, the working folder, the terminal.
-
 Importing a command imports nothing heavy, so that `imocap -h` and `imocap --version` answer at
 once: what a command needs it imports when it runs.
-
-`--json`: one JSON document on the standard output, and nothing else.
 """
 
 from __future__ import annotations

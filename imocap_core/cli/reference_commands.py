@@ -1,13 +1,4 @@
-"""Commands on the program itself: `params`, `formats`, `doctor`, `benchmark`.
-
-`imocap params`: every parameter with its value, unit, bounds and meaning.
-
-`imocap formats`: the files that are read and written.
-
-`imocap doctor`: checks of the installation, a line each.
-
-`imocap benchmark`: the measurements of a checkout, which a wheel does not include.
-"""
+"""Commands on the program itself: `params`, `formats`, `doctor`, `benchmark`."""
 
 from __future__ import annotations
 

@@ -1,19 +1,4 @@
-"""Commands on results: `view`, `export`, `angles`, `video`, `report`, `compare`; and `sync`.
-
-`imocap view`: its options, and the paths of the report and the viewer.
-
-`imocap export`: the motion, the cameras and the correspondences for other programs.
-
-`imocap angles`: joint angles by ISB's recommendations.
-
-`imocap video`: its options, its progress bars, and the paths of the films.
-
-`imocap report`: the report page of an action, made from its results.
-
-`imocap compare`: differences between performances of an action, or between two performers.
-
-`imocap sync`: its options, and the table at the end.
-"""
+"""Commands on results: `view`, `export`, `angles`, `video`, `report`, `compare`; and `sync`."""
 
 from __future__ import annotations
 

@@ -1,11 +1,4 @@
-"""`imocap run`, `stage`, `run-all`, `status`, `explain`: run what has changed, and why.
-
-`imocap run` and `stage`: run what has changed.
-
-`imocap run-all`: many actions, on every core or on a cluster.
-
-`imocap status` and `explain`: what is cached, and why something would run.
-"""
+"""`imocap run`, `stage`, `run-all`, `status`, `explain`: run what has changed, and why."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""A long film looked through: its shots, and everybody detected and followed in it.
-
-The people of every shot: followed within it, never across a boundary, and lifted to 3D.
-
-A long film looked through: its shots, and everybody detected in it.
-"""
+"""A long film looked through: its shots, and everybody detected and followed in it."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""Occurrences of the action, which of them become videos; collected.json and action.yaml.
-
-Occurrences of the action: matches with their view, size and visibility, in the film's frames.
-
-Which occurrences become videos: none twice, then the best of every view.
-
-collected.json: every shot and every occurrence, and what became of them; validated.
-
-action.yaml of collected occurrences, each with a comment that says where it is from.
-"""
+"""Occurrences of the action, which of them become videos; collected.json and action.yaml."""
 
 from __future__ import annotations
 

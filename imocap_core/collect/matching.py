@@ -1,16 +1,14 @@
 """Occurrences of a template movement in tracks: subsequence DTW at several playback rates.
 
-Poses as features that neither view, place, speed nor size of the picture change.
+Poses as features that neither view, place, speed nor size of the picture change. A feature is a
+short window of lifted poses about one moment: before, now and after. Windows are compared after the
+best rotation of the whole window (Procrustes). Time is that of the action: at a quarter of the
+speed, a film's frames are a quarter as far apart.
 
-A feature is a short window of lifted poses about one moment: before, now and after. Windows are
-compared after the best rotation of the whole window (Procrustes). Time is that of the action: at a
-quarter of the speed, a film's frames are a quarter as far apart.
-
-Everybody who is followed in the films, ready to be compared with a movement.
-
-A window matches a window of the template as far as it is nearer to it than what all the films show
-is. Movements that differ from everything else in the films thus need not match as closely as
-standing, which is near to any standing.
+Everybody who is followed in the films, ready to be compared with a movement. A window matches a
+window of the template as far as it is nearer to it than what all the films show is. Movements that
+differ from everything else in the films thus need not match as closely as standing, which is near
+to any standing.
 """
 
 from __future__ import annotations

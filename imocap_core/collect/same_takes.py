@@ -1,12 +1,9 @@
 """Occurrences that show one take, replays included, and the one of each group that stays.
 
-Replays: the same take shown again, at another speed, cropped, scaled or mirrored.
-
-Two showings of one take have the same keypoints up to one similarity of the picture and a map of
-time that only advances, and the same picture of the person along that map. Two performances in
-front of one camera have the same background, but neither of these.
-
-Occurrences that show one take: groups of them, and the one of each group that stays.
+Replays: the same take shown again, at another speed, cropped, scaled or mirrored. Two showings of
+one take have the same keypoints up to one similarity of the picture and a map of time that only
+advances, and the same picture of the person along that map. Two performances in front of one camera
+have the same background, but neither of these.
 """
 
 from __future__ import annotations

@@ -1,13 +1,10 @@
 """Shots of a film: the spans between its cuts and gradual transitions.
 
-Letterbox bars: black borders of a picture, which all its shots may share.
-
-Gradual transitions between shots: dissolves, wipes, and fades through a blank picture.
-
-Between its last frame A of one shot and its first frame B of the next, every pixel of a dissolve
-or a wipe lies between its values in A and in B, and the share of B only grows. The pixels of a
-camera that turns, or of what moves in front of it, take any values in between. A fade is found by
-its blank frames: away from them the contrast only grows.
+Gradual transitions between shots: dissolves, wipes, and fades through a blank picture. Between its
+last frame A of one shot and its first frame B of the next, every pixel of a dissolve or a wipe lies
+between its values in A and in B, and the share of B only grows. The pixels of a camera that turns,
+or of what moves in front of it, take any values in between. A fade is found by its blank frames:
+away from them the contrast only grows.
 """
 
 from __future__ import annotations

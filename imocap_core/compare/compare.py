@@ -1,9 +1,4 @@
-"""Comparison: mean, spread and modes of an action's performances, and two performers.
-
-From a result to its performances at common moments, on one body.
-
-Joint angles of compared performances, and of two performers, at common moments.
-"""
+"""Comparison: mean, spread and modes of an action's performances, and two performers."""
 
 from __future__ import annotations
 

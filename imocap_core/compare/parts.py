@@ -1,11 +1,4 @@
-"""Parts of a technique report: differences in words, Markdown and CSV tables, pictures.
-
-Differences between performances in words and degrees.
-
-Pictures of a technique report: the mean motion, where performances differ, and how.
-
-Parts of a technique report: Markdown tables and sentences, and CSV files.
-"""
+"""Parts of a technique report: differences in words, Markdown and CSV tables, pictures."""
 
 from __future__ import annotations
 

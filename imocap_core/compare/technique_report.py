@@ -1,11 +1,4 @@
-"""The files of a technique report: one HTML page, Markdown, tables, pictures, the mean as BVH.
-
-A comparison as one HTML page: bodies on one timeline, angle curves with bands, measuring.
-
-The files of a technique report: Markdown, tables, pictures, and the mean motion as BVH.
-
-The files of a report on two performers: Markdown, a table, pictures.
-"""
+"""The files of a technique report: one HTML page, Markdown, tables, pictures, the mean as BVH."""
 
 from __future__ import annotations
 

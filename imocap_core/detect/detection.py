@@ -1,15 +1,5 @@
 """Videos through a detector, each in a separate process, into files of the cache.
 
-All that a detector needs before it runs: its environment and its networks' files.
-
-A detector in a separate process: a picture in, its answer out.
-
-The processes of a detector that are at work at the same time.
-
-One video through a detector, into one file of the cache.
-
-Several videos through a detector at the same time, each in a process of its own.
-
 One picture at a time hardly gains from a second thread, so the cores are shared among videos.
 """
 

@@ -1,12 +1,9 @@
 """The available detectors: their settings, networks, and the files that their answers become.
 
-The networks of the detector `blazepose`, by the setting of its script that names their files.
-
-Their licences stand in docs/detection.md.
+The networks of the detector `blazepose`, by the setting of its script that names their files. Their
+licences stand in docs/detection.md.
 
 Detectors' answers as arrays, in the formats that imocap_core/io/readers reads.
-
-The available detectors: their settings, and the files that their answers become.
 """
 
 from __future__ import annotations

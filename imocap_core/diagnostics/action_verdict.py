@@ -1,9 +1,4 @@
-"""The verdict on an action, from its artifacts, and its three sentences.
-
-The three sentences of a verdict.
-
-The verdict on an action, from its artifacts.
-"""
+"""The verdict on an action, from its artifacts, and its three sentences."""
 
 from __future__ import annotations
 

@@ -1,19 +1,9 @@
 """Bodies unlike the others', other people, sliding feet, and what bodies do not do.
 
-A body that is far from those of all other videos at the same moment, after the joint solve.
-
-Videos that seem to show different people, by their bones.
-
-Fitted with one body, a person with long thighs has longer ones in the pictures than the fit, and a
-person with short ones shorter. A bone is measured where it lies across the line of sight, left and
-right by themselves, relative to the other bones: a body is alike on both sides, what a fit or a
-detector does wrong is not.
-
-Feet that stand still in the picture and move in space: they move along the line of sight.
-
-Bodies unlike the others', and sliding feet, named.
-
-What bodies and cameras do not do: a rolled camera, soles off the floor, impossible speeds.
+Videos that seem to show different people, by their bones. Fitted with one body, a person with long
+thighs has longer ones in the pictures than the fit, and a person with short ones shorter. A bone is
+measured where it lies across the line of sight, left and right by themselves, relative to the other
+bones: a body is alike on both sides, what a fit or a detector does wrong is not.
 """
 
 from __future__ import annotations

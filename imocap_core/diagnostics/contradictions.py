@@ -1,13 +1,4 @@
-"""Limbs that a detector sees where the recovered body has them elsewhere, or hides them.
-
-The limbs' keypoints, which every detector has.
-
-Size of a person in the picture.
-
-How a person overrules the synchronisation, in the words of action.yaml.
-
-Videos that the motion of the others does not predict (leave one video out).
-"""
+"""Limbs that a detector sees where the recovered body has them elsewhere, or hides them."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""Warnings of the detections, the people, the cameras, and what no video shows.
-
-Warnings of the detections, the people and the cameras.
-
-Videos that take no part because they cannot be used, and damaged parts of those that do.
-
-Stretches of videos in which the detector swapped left and right, as the other videos show.
-
-What no video shows: depth where all look along one line, and limbs that none of them sees.
-"""
+"""Warnings of the detections, the people, the cameras, and what no video shows."""
 
 from __future__ import annotations
 

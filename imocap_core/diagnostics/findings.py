@@ -1,7 +1,4 @@
-"""What a verdict is made of: findings about parts of videos, and at most three sentences.
-
-A verdict as JSON, for programs and for runs in which everything is cached.
-"""
+"""What a verdict is made of: findings about parts of videos, and at most three sentences."""
 
 from __future__ import annotations
 

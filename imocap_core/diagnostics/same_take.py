@@ -1,7 +1,5 @@
 """One recording given twice: re-timed, cropped or mirrored.
 
-One recording given twice: re-timed, cropped, scaled or mirrored.
-
 Two recordings of one camera's picture have the same keypoints up to one similarity of the picture
 (crop, scale, reflection) and a map of time, which is a clock's: a constant offset and rate.
 Performances that differ, from the very same viewpoint too, do not. A detector's noise on a copy
@@ -9,8 +7,6 @@ that was coded again is as large as the difference between the most alike perfor
 one person, put in place as well as possible), but nobody repeats a movement to the frame. So what
 agrees more closely than performances do, or as well and by the clock, is certain; the rest is a
 suspicion.
-
-Recordings that are there twice, named.
 """
 
 from __future__ import annotations

@@ -1,17 +1,4 @@
-"""How well the videos' times agree, what collapses, repeats, or was decided about whole videos.
-
-How well the videos' times agree: round trips over three videos, and each video left out.
-
-Time that collapses: frames of a moving video that are all matched to one moment of another.
-
-Spans of a video that collapse onto one moment of another, named.
-
-Videos that nothing places in one repetition of the action rather than in the next.
-
-What the program decided about whole videos, and how to overrule it.
-
-Videos of one event: what their calibration claims, and whether undeclared ones look like one.
-"""
+"""How well the videos' times agree, what collapses, repeats, or was decided about whole videos."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Ill-determined joints, and what to film next.
-
-Ill-determined joints, by their claimed standard deviations.
-
-What to film next: the side from which one more camera would help most.
-"""
+"""Ill-determined joints, and what to film next."""
 
 from __future__ import annotations
 

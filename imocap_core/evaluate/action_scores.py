@@ -1,9 +1,4 @@
-"""All scores of one action: every result, the rounds of the loop, hands and uncertainty.
-
-Errors of the hands, as rows of numbers.
-
-Errors against claimed covariances (normalised errors, coverage), as rows of numbers.
-"""
+"""All scores of one action: every result, the rounds of the loop, hands and uncertainty."""
 
 from __future__ import annotations
 

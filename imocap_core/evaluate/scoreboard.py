@@ -1,15 +1,4 @@
-"""Every metric of one result: artifacts and the truth in their axes to rows of numbers.
-
-The results of an action's stages that are compared: monocular, single pass, after the loop.
-
-An action's truth, in the axes and at the frames of the results that are scored.
-
-Points of a posed body that a result's joints do not include: the nose and keypoints.
-
-Scores of the cameras: rotation, place and focal length against the truth.
-
-Every metric of one result: artifacts and truth to rows of numbers, video by video.
-"""
+"""Every metric of one result: artifacts and the truth in their axes to rows of numbers."""
 
 from __future__ import annotations
 

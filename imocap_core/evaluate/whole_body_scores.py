@@ -1,7 +1,4 @@
-"""Whole-body metrics of one result: each joint, rotations, the surface, the motion in the world.
-
-Surfaces of recovered and true bodies: vertex errors, stretch, torso volume, feet.
-"""
+"""Whole-body metrics of one result: each joint, rotations, the surface, the motion in the world."""
 
 from __future__ import annotations
 

@@ -1,15 +1,9 @@
 """Tasks in processes of their own on this machine, or on a Dask cluster.
 
-Tasks in processes of their own on this machine; a process that dies is replaced.
-
-Every worker is a fresh Python (`executors.worker`) with one thread of linear algebra and its share
-of the cores, joined to this one by its standard input and output. Where its output closes before
-the task has ended, the process has died: the kernel ends the largest one when memory runs out.
-
-The program of a worker process: tasks come in by its standard input, events leave by its
-standard output, both pickled twice, so that a task is imported by the thread that carries it out.
-
-Tasks on a Dask cluster: one of this machine, or any scheduler by its address.
+Tasks in processes of their own on this machine; a process that dies is replaced. Every worker is a
+fresh Python (`executors.worker`) with one thread of linear algebra and its share of the cores,
+joined to this one by its standard input and output. Where its output closes before the task has
+ended, the process has died: the kernel ends the largest one when memory runs out.
 
 The scheduler gives a task whose worker died to another one, and gives up on a task that has ended
 several workers (`distributed.scheduler.allowed-failures`).

@@ -1,15 +1,4 @@
-"""Graphs of tasks, carried out in order: attempts, retries, and what a failure stops.
-
-A task of a graph, how one attempt at it ended, and how the task ended.
-
-Which task of a graph comes next.
-
-One attempt at a task, in the process that carries it out.
-
-Tasks in this process, one after the other.
-
-Perform a graph of tasks: order, retries, and what a failure stops.
-"""
+"""Graphs of tasks, carried out in order: attempts, retries, and what a failure stops."""
 
 from __future__ import annotations
 

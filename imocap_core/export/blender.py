@@ -1,12 +1,8 @@
 """FBX and USD by way of Blender, a separate program in an environment of its own.
 
-Blender, which runs scripts for us: as a program, or as Python's module `bpy`.
-
-Blender is under the GPL and no part of this program: it has an environment of its own,
-`.venv-blender`, which is made when first needed, and gets files. IMOCAP_BLENDER names another
-Blender, or a Python that has `bpy`.
-
-Characters as FBX and USD: our GLB, converted by Blender, a file for each.
+Blender, which runs scripts for us: as a program, or as Python's module `bpy`. Blender is under the
+GPL and no part of this program: it has an environment of its own, `.venv-blender`, which is made
+when first needed, and gets files. IMOCAP_BLENDER names another Blender, or a Python that has `bpy`.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-"""Results as motion clips and characters: a joint tree, a camera, a rig with a root bone.
-
-From a video's result to a motion clip: the joint tree and the camera that formats can write.
-
-A root bone on the floor, which carries the motion through the world (root motion).
-
-A result's performers as characters: skinned, named as a rig, with a root bone.
-
-Loop and foot lock of an export, and what is said about them.
-"""
+"""Results as motion clips and characters: a joint tree, a camera, a rig with a root bone."""
 
 from __future__ import annotations
 

@@ -1,13 +1,11 @@
 """Files for a motion laboratory: markers and joint angles for C3D; models and motions for OpenSim.
 
-A video as a trial of a motion laboratory: markers and joint angles, as C3D files hold them.
+Files for OpenSim, per video:
 
-Files for OpenSim: per video a model of the performer, markers, a setup and a motion.
-
-<id>.osim    the body as a linkage with ISB's angles, of the performer's size, with markers
-<id>.trc     the markers' places over time
-<id>_ik.xml  inverse kinematics of the two, to run as it is
-<id>.mot     our joint angles as the model's coordinates
+    <id>.osim    the body as a linkage with ISB's angles, of the performer's size, with markers
+    <id>.trc     the markers' places over time
+    <id>_ik.xml  inverse kinematics of the two, to run as it is
+    <id>.mot     our joint angles as the model's coordinates
 """
 
 from __future__ import annotations

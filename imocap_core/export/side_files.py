@@ -1,14 +1,9 @@
 """What is written beside every export: notes on axes and units, tables; and files come complete.
 
 Files of an export come into their folder complete, and replace nothing but an older export.
-
 export_<format>.json lists the files that were written with their digests. A file that no export
 wrote, that somebody has changed since, or that belongs to an export in another format or world is
 left alone, and the new one is refused.
-
-The values of an npz file, and the tables beside every export: sync.csv and cameras.json.
-
-Axes, units, frame rates and pivot of an export, written to export_<format>.json.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-"""Round trips over three videos, standard deviations of joints, joint angles.
-
-Round trips: from a video to a second, to a third and back, by the most similar frames.
-
-Round trips over three videos, in the action's frames: what cycle consistency demands.
-
-Claimed standard deviation of each joint, overall and over time.
-
-Joint angles over the action: the mean of the performances with its standard deviation.
-"""
+"""Round trips over three videos, standard deviations of joints, joint angles."""
 
 from __future__ import annotations
 

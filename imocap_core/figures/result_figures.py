@@ -1,9 +1,4 @@
-"""Plots of results: camera poses and root paths, errors of joints.
-
-Camera poses and root paths, in the axes of the reference camera.
-
-Error of each joint under each result.
-"""
+"""Plots of results: camera poses and root paths, errors of joints."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""Sheets of pictures: contact sheets of the videos, bodies from three sides, several results.
-
-Body surfaces of an artifact's parameters.
-
-Contact sheets of the videos' frames: one per video, and one across all of them.
-
-The same frames under several results: monocular, one motion for all videos, final.
-
-The recovered body from front, side and back at several phases, beside the pictures.
-"""
+"""Sheets of pictures: contact sheets of the videos, bodies from three sides, several results."""
 
 from __future__ import annotations
 

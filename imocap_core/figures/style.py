@@ -1,9 +1,4 @@
-"""One style for all figures and for text on pictures; image files without date and machine.
-
-One style for all figures, and image files without date and machine.
-
-Text on pictures, and title strips.
-"""
+"""One style for all figures and for text on pictures; image files without date and machine."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Figures of synchronisation: affinities, warps, pace, confidence, rounds of the loop.
-
-Figures of synchronisation: affinities with the matched paths, warps, rounds of the loop.
-
-One picture of a synchronisation: affinities, warps, pace and confidence.
-"""
+"""Figures of synchronisation: affinities, warps, pace, confidence, rounds of the loop."""
 
 from __future__ import annotations
 

@@ -1,15 +1,10 @@
 """The hands of several videos: initial wrists, the descent, the common hand and every video's own.
 
-The fit of a batch of hands as least-squares problems for the common descent.
-
-Initial wrist rotations: many starts in single frames, and the cheapest smooth path of them.
-
-A body's keypoints hardly determine how a forearm is twisted, so the hand may begin half a turn
-away from its keypoints, where no small step leads. Every few frames the fit is tried from a set of
+Initial wrist rotations: many starts in single frames, and the cheapest smooth path of them. A
+body's keypoints hardly determine how a forearm is twisted, so the hand may begin half a turn away
+from its keypoints, where no small step leads. Every few frames the fit is tried from a set of
 rotations, each frame by itself; the path with the lowest sum of objectives and rotation speeds is
 the initial state of the fit over time.
-
-The hands of several videos: first the hand common to all, then every video's own.
 """
 
 from __future__ import annotations

@@ -1,14 +1,8 @@
 """Views and unknowns of a batch of hands over time, and the terms of their objective.
 
-Views and unknowns of a batch of hands over time, each hand in one or more views.
-
 A hand's wrist turns against the forearm, which the body's fit gives for every view; so one hand
 that is common to several videos has one set of rotations, and every view its own forearm, place of
 the wrist and camera.
-
-Videos' hands as one batch: padded side by side, or brought to the reference's frames.
-
-The objective of hands: each function returns a term's cost and adds its normal equations.
 """
 
 from __future__ import annotations

@@ -1,17 +1,14 @@
 """The bones, joint axes and ranges of motion of two hands, and the positions of 21 keypoints.
 
-The bones, the joint axes and the ranges of motion of two hands.
-
 Bones are those of the given body (the free body's fingers are MakeHuman's, CC0). A hand has 21
 angles: each finger bends at three joints and spreads at its knuckle; the thumb's root turns about
 three axes. Angles are 0 in the body's rest pose, in which fingers are straight but for about 20
 degrees a joint; positive ones close the hand. Ranges are about those of clinical goniometry,
 relative to that pose.
 
-From angles to the 21 keypoints of a hand, with analytic derivatives.
-
-With right local increments everything beyond joint k turns about it: d p = (G_k d) x (p - p_k),
-G_k the joint's rotation; and the increment of a rotation vector a is ``Jr(a) da``.
+From angles to the 21 keypoints of a hand, with analytic derivatives. With right local increments
+everything beyond joint k turns about it: d p = (G_k d) x (p - p_k), G_k the joint's rotation; and
+the increment of a rotation vector a is ``Jr(a) da``.
 """
 
 from __future__ import annotations

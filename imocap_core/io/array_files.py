@@ -1,17 +1,10 @@
 """Arrays of HDF5 and pickled files, checked; Python objects are read without running code.
 
-npz files whose arrays contain Python objects, read without running code from the file.
-
 numpy stores such arrays as pickles (`imocap_core.unpickle`).
 
-Results stored as pickles (pickle, joblib, .npy of objects, .pt), often compressed, read without
-running code from the file (`imocap_core.unpickle`).
-
-HDF5 files by h5py (the optional extra `h5`), their content only.
-
-An HDF5 file can name other files of the machine as its content (external links, external and
-virtual datasets): these are refused. So is what unpacks to too much, and a damaged file with which
-HDF5's library does not come back.
+HDF5 files by h5py (the optional extra `h5`), their content only. An HDF5 file can name other files
+of the machine as its content (external links, external and virtual datasets): these are refused. So
+is what unpacks to too much, and a damaged file with which HDF5's library does not come back.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-"""Frames of a video: any by its number, ahead of their consumer, their time stamps; checks.
-
-Presentation time stamps of a video file's frames (PyAV).
-
-Any frame of a video by its number: one pass notes the time stamps, later ones seek by them.
-
-A generator that runs a few items ahead of its consumer, in a thread.
-
-Whether a file can be captured from, before any work is done.
-"""
+"""Frames of a video: any by its number, ahead of their consumer, their time stamps; checks."""
 
 from __future__ import annotations
 

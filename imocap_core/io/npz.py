@@ -1,7 +1,4 @@
-"""Shared by the npz formats: named arrays, checked; rows selected by frame number.
-
-The files of a calibrated rig's truth beside action.yaml (`pose2sim_truth` reads them).
-"""
+"""Shared by the npz formats: named arrays, checked; rows selected by frame number."""
 
 from __future__ import annotations
 

@@ -1,15 +1,11 @@
 """True joints, cameras and phases, for scoring only: truth.npz, or a calibrated rig's files.
 
-truth.npz: true joints, cameras and phases, for scoring only. Any part of it may be missing.
-
-A calibrated rig's triangulation as truth: calibration.npz and trc_reference.npz.
-
-Both files stand beside action.yaml and come from a Pose2Sim project: cameras that ran together,
-and a triangulation of their detections. ``calibration.npz``: ``K`` (C, 3, 3), ``R`` (C, 3, 3),
-``t`` (C, 3) camera from world, ``cams`` (C,) video ids. ``trc_reference.npz``: ``xyz_zup_m``
-(F, J, 3) metres in that world, row = source frame number, ``names`` (J,). Frames correspond when
-their numbers are equal, so the phase of a frame is its number. Lens distortion (below a pixel here)
-is ignored.
+A calibrated rig's triangulation as truth: calibration.npz and trc_reference.npz. Both files stand
+beside action.yaml and come from a Pose2Sim project: cameras that ran together, and a triangulation
+of their detections. ``calibration.npz``: ``K`` (C, 3, 3), ``R`` (C, 3, 3), ``t`` (C, 3) camera from
+world, ``cams`` (C,) video ids. ``trc_reference.npz``: ``xyz_zup_m`` (F, J, 3) metres in that world,
+row = source frame number, ``names`` (J,). Frames correspond when their numbers are equal, so the
+phase of a frame is its number. Lens distortion (below a pixel here) is ignored.
 """
 
 from __future__ import annotations

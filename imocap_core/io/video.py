@@ -1,16 +1,11 @@
 """Video files: properties, frames and sound one by one as shown, and H.264 out, by PyAV (FFmpeg).
 
-How the stored pictures of a video are shown: with square pixels, then turned or reflected.
-
-A file may say that its pixels are not square (tapes, DVDs) and how players place the picture
-(phones held sideways, front cameras, a flip in an editor). Everything that follows works on the
-picture as it is shown.
-
-Video files: properties, frames one by one, and H.264 out, by PyAV (FFmpeg).
+How the stored pictures of a video are shown: with square pixels, then turned or reflected. A file
+may say that its pixels are not square (tapes, DVDs) and how players place the picture (phones held
+sideways, front cameras, a flip in an editor). Everything that follows works on the picture as it is
+shown.
 
 Pictures come as players show them (`display`), a slow-motion file's times as they were taken.
-
-The sound of a video file, as samples of one channel.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""The library's edge: errors of one family, one-off parameters, progress.
-
-What leaves the library as an error: one family, each with a sentence.
-
-One-off parameters of a call, as the command line's `--set` takes them.
-
-Progress of a run: silent, to a function of the caller, or on the terminal.
-"""
+"""The library's edge: errors of one family, one-off parameters, progress."""
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
 """Removing old results from the cache of a working folder, by hand or beyond a limit.
 
-Removing old results from the cache of a working folder.
-
-The limit of a working folder's cache: beyond it, the least recently used results go.
-
 IMOCAP_CACHE_LIMIT sets it, as in 50GB; 0 turns it off.
 """
 

@@ -1,11 +1,4 @@
-"""An action.yaml for some videos, or for the occurrences of a movement in long videos.
-
-The video files that a user names, one by one or by their folder.
-
-An action.yaml for some videos, ready to run.
-
-An action made of the occurrences of a movement in long videos.
-"""
+"""An action.yaml for some videos, or for the occurrences of a movement in long videos."""
 
 from __future__ import annotations
 

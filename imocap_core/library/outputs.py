@@ -1,7 +1,4 @@
-"""What is made of an action's results: exports, films, the viewer, the report, comparisons.
-
-Folders that the user names for results.
-"""
+"""What is made of an action's results: exports, films, the viewer, the report, comparisons."""
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
 """An action into a store that several machines share, and from it.
 
-An action into a store that several machines share: its files, its results, and their record.
-
-An action from a store that several machines share, into a working folder.
-
 Nothing that the store says is trusted: paths lead into the action's folder (action_record.py), and
 every file has the content that its record names.
 """

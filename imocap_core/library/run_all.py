@@ -1,15 +1,12 @@
 """Running many actions: on one core, on several, or on a cluster.
 
-The tasks of actions: (action, video) for detection, (action, stage, video) for a stage whose
-result has a part for each video, (action, stage) for all.
+The tasks of actions: (action, video) for detection, (action, stage, video) for a stage whose result
+has a part for each video, (action, stage) for all. Stages of one action come after one another,
+actions do not. Of what may begin, the action named first goes on, so that finished actions come
+early.
 
-Stages of one action come after one another, actions do not. Of what may begin, the action named
-first goes on, so that finished actions come early.
-
-Tasks on workers with folders of their own.
-
-Each fetches the action, and what others have made of it, from the store that all share, and
-publishes what it makes.
+Tasks on workers with folders of their own. Each fetches the action, and what others have made of
+it, from the store that all share, and publishes what it makes.
 """
 
 from __future__ import annotations

@@ -1,13 +1,8 @@
 """Running an action: all of it, or one stage; and the record of its last run.
 
-A sentence before stages that are expected to need more memory than there is.
-
-The record of an action's last run for programs: artifacts/ACTION/run.json.
-
-It has what artifacts must not have, because the same input gives the same bytes there: the clock,
-the machine, and what was said to the user. A run that fails leaves a record too, with its error.
-
-Running an action: all of it, or one stage.
+The record of an action's last run for programs: artifacts/ACTION/run.json. It has what artifacts
+must not have, because the same input gives the same bytes there: the clock, the machine, and what
+was said to the user. A run that fails leaves a record too, with its error.
 """
 
 from __future__ import annotations

@@ -1,13 +1,6 @@
 """What the shared store knows of an action: its files, its results, and their record.
 
-The files of an action: those that its action.yaml names, and itself.
-
-What the shared store knows of an action: its files by their content, its results by their keys.
-
 A record may come from anybody: every path in it leads into the action's folder, or it is refused.
-
-A folder of an action as one file: a detector writes a file a frame, which a store takes slowly
-one by one.
 """
 
 from __future__ import annotations

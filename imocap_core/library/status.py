@@ -1,15 +1,4 @@
-"""What is cached of an action, what would run and why; actions, parameters and formats listed.
-
-What is cached of an action, what would run, and why.
-
-The actions of a working folder, and the state of each.
-
-All parameters as rows: for `imocap params`, docs/parameters.md, and scripts.
-
-The parameters of a working folder: value, default, unit, bounds, meaning.
-
-What is read and what is written, a sentence for each format.
-"""
+"""What is cached of an action, what would run and why; actions, parameters and formats listed."""
 
 from __future__ import annotations
 

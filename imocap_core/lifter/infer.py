@@ -1,9 +1,8 @@
 """Inference on a whole video: overlapping windows at about the network's frame rate, blended.
 
-One alternative motion from the hypotheses of overlapping windows (Viterbi).
-
-The hypotheses of a window have no particular order. The cheapest path selects one of each window so
-that overlapping windows agree and the motion differs from the mean output.
+One alternative motion from the hypotheses of overlapping windows (Viterbi). The hypotheses of a
+window have no particular order. The cheapest path selects one of each window so that overlapping
+windows agree and the motion differs from the mean output.
 
 A video of 60 frames a second is processed as four interleaved ones of 15, and so on. Windows
 overlap by two thirds; their outputs are rotated back into camera axes and blended. Test-time

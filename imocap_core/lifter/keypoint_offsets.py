@@ -1,16 +1,8 @@
 """Corrections of where a detector marks shoulders and hips, from the pose in the picture.
 
-Corrections of where a detector marks joints, as a function of the pose in the picture.
-
-A limb and the trunk in the picture, independent of their place and size: a network's input.
-
-Correction of a detector's marks of shoulders and hips.
-
 Where a detector marks a shoulder or a hip depends on view and pose; a layout has the points of the
 body at which its marks lie on average. Small networks tell the shift of the left shoulder and of
 the left hip from limb and trunk in the picture; those of the right side are the mirrored picture's.
-
-The shipped weights by keypoint layout: safetensors files.
 """
 
 from __future__ import annotations

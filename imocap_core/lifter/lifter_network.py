@@ -1,21 +1,16 @@
 """The network: common points, rays to them, an MLP mixer over a window of frames, its weights.
 
-The common points: detectors' keypoints by their place on the body, not by the detector's name.
+The common points: detectors' keypoints by their place on the body, not by the detector's name. A
+layout's columns map to the points at which they lie; points that it does not have stay empty.
 
-A layout's columns map to the points at which they lie; points that it does not have stay empty.
+Input features of the network: rays to the points in person-centred camera axes. Rotating the camera
+so that its optical axis passes through the person makes the features independent of the person's
+position in the picture. The person's size in rays is a feature of its own: it determines the
+distance, and so how strong the perspective is.
 
-Input features of the network: rays to the points in person-centred camera axes.
-
-Rotating the camera so that its optical axis passes through the person makes the features
-independent of the person's position in the picture. The person's size in rays is a feature of its
-own: it determines the distance, and so how strong the perspective is.
-
-The network: an MLP mixer over a window of frames, with an output for every frame.
-
-Two linear layers mix the frames of a channel, two mix the channels of a frame, in turn (Tolstikhin
-et al., "MLP-Mixer", NeurIPS 2021): on a CPU nothing but matrix products.
-
-The shipped weights: a safetensors file of float16 numbers.
+The network: an MLP mixer over a window of frames, with an output for every frame. Two linear layers
+mix the frames of a channel, two mix the channels of a frame, in turn (Tolstikhin et al.,
+"MLP-Mixer", NeurIPS 2021): on a CPU nothing but matrix products.
 """
 
 from __future__ import annotations

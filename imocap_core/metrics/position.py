@@ -1,14 +1,9 @@
 """Joint position errors, of bodies and of hands; a NaN joint or frame is left out.
 
-The joints that are compared, and their origin: the midpoint of the hips.
-
-Joint position errors: mean over joints, then over frames; a NaN joint or frame is left out.
-
-All take root-relative joints (T, J, 3) in metres (`metrics.joints.root_relative`), prediction and
-truth in the axes of the same camera, and return millimetres; ValueError where the two shapes
-differ. Means over videos and actions, unweighted, are the caller's.
-
-Hand position errors: 21 keypoints relative to the wrist, both hands together.
+Joint position errors: mean over joints, then over frames; a NaN joint or frame is left out. All
+take root-relative joints (T, J, 3) in metres (`metrics.joints.root_relative`), prediction and truth
+in the axes of the same camera, and return millimetres; ValueError where the two shapes differ.
+Means over videos and actions, unweighted, are the caller's.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""All metrics of one video as rows of a table, with the reason where one cannot be scored.
-
-All metrics of one video as rows of a table, with the reason where a metric cannot be scored.
-
-Whole-body and world metrics of one video as rows of a table.
-"""
+"""All metrics of one video as rows of a table, with the reason where one cannot be scored."""
 
 from __future__ import annotations
 

@@ -1,15 +1,10 @@
 """Errors of the root path, of the motion in the world as published, and of cameras.
 
-Errors of the root path, and sliding of feet that are in contact with the ground.
-
-World metrics as published: W-MPJPE, WA-MPJPE, RTE, jitter, foot sliding.
-
-Definitions: Ye et al., "Decoupling human and camera motion from videos in the wild" (SLAHMR), CVPR
-2023; Shin et al., "WHAM", CVPR 2024; the evaluation code that Shen et al. released with "GVHMR",
-SIGGRAPH Asia 2024, which is followed in details. Predictions and truth are in axes that do not
-move, not necessarily the same ones.
-
-Camera errors: rotation between two cameras, and reprojection of the body onto the detections.
+World metrics as published: W-MPJPE, WA-MPJPE, RTE, jitter, foot sliding. Definitions: Ye et al.,
+"Decoupling human and camera motion from videos in the wild" (SLAHMR), CVPR 2023; Shin et al.,
+"WHAM", CVPR 2024; the evaluation code that Shen et al. released with "GVHMR", SIGGRAPH Asia 2024,
+which is followed in details. Predictions and truth are in axes that do not move, not necessarily
+the same ones.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""Errors of the whole body: unaligned joints, joint rotations, the surface and its distortion.
-
-Errors of the whole body: joints that are not aligned on, and the vertices of the surface.
-
-Errors of joint rotations: the angle between the estimated and the true rotation.
-
-Distortion of a posed surface against its shape at rest; needs no truth.
-"""
+"""Errors of the whole body: unaligned joints, joint rotations, the surface and its distortion."""
 
 from __future__ import annotations
 

@@ -1,13 +1,8 @@
 """Calibration of cameras from one event: bundle adjustment of the performer's keypoints.
 
-Reprojection of a rig's points, with its derivatives by camera, bias and point.
-
-What a calibration from one event minimises: robust reprojection, bones, priors.
-
-Normal equations of a rig, the points eliminated (Schur complement).
-
-Bones tie the points of one moment to each other, so that a moment's points are eliminated together;
-moments are independent given cameras, biases and lengths.
+Normal equations of a rig, the points eliminated (Schur complement). Bones tie the points of one
+moment to each other, so that a moment's points are eliminated together; moments are independent
+given cameras, biases and lengths.
 
 All videos show the same performance, so a keypoint is one point in space that every camera sees
 (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 18.1). Unknown are all points,

@@ -1,14 +1,9 @@
 """The unknowns of a calibration from one event, its keypoints, and bones of constant length.
 
-Keypoints of videos of one event, at the moments of the reference's frames.
-
-A frame n of the reference shows what frame ``offset + rate * n`` of another video shows. Keypoints
-there are those of a local quadratic regression, whose slope is the derivative by the offset:
-between two frames interpolation would average their noise, and prefer half frames.
-
-The unknowns of a calibration from one event, and how a step changes them.
-
-Bones keep their length: a soft term that ties the points of one moment to those of others.
+Keypoints of videos of one event, at the moments of the reference's frames. A frame n of the
+reference shows what frame ``offset + rate * n`` of another video shows. Keypoints there are those
+of a local quadratic regression, whose slope is the derivative by the offset: between two frames
+interpolation would average their noise, and prefer half frames.
 """
 
 from __future__ import annotations

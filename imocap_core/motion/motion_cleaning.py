@@ -1,19 +1,4 @@
-"""Clean motion for characters: feet in contact stay where they stand, a clip blends into its start.
-
-Feet in contact stay exactly where they stand: places of contact, inverse kinematics of legs.
-
-Spans of frames in which a point of a foot is in contact with the ground.
-
-Corrections that are anchored in some frames fade in before and out after.
-
-Inverse kinematics of a leg: the ankle to a place, hip and bones' lengths kept.
-
-Where points of a foot stand: one place a contact, which the leg can reach in every frame.
-
-Feet in contact stay where they stand; the legs follow, the pelvis keeps its path.
-
-A motion whose end blends into its start, so that it can be repeated without a jump.
-"""
+"""Clean motion for characters: feet in contact stay in place, a clip blends into its start."""
 
 from __future__ import annotations
 

@@ -1,11 +1,8 @@
 """Posterior covariance of every joint in every frame of every video.
 
-Covariance of each video's own motion, the common motion given.
-
-Covariance of the motion common to all videos, its cameras and shape unknown.
-
-The model behind the result: a common motion z, and each performance ``x_v = z + d_v`` with a
-deviation of given spread. By the law of total covariance, in the linear Gaussian case exactly,
+Covariance of the motion common to all videos, its cameras and shape unknown. The model behind the
+result: a common motion z, and each performance ``x_v = z + d_v`` with a deviation of given spread.
+By the law of total covariance, in the linear Gaussian case exactly,
 
     Cov(x_v) = Cov(x_v | z) + G_v Cov(z) G_v^T,
 

@@ -1,15 +1,12 @@
 """The normal equations of a batch of motions: block-banded in time, and their solution.
 
-Block Cholesky solution of a block-pentadiagonal system, from both ends at once.
-
-Frames couple to their two successors at most. Eliminating them from the first and from the last
-towards two frames in the middle takes as many operations as from one end, but the two halves can
-be worked on at the same time; at the middle they meet in one small dense system.
+Block Cholesky solution of a block-pentadiagonal system, from both ends at once. Frames couple to
+their two successors at most. Eliminating them from the first and from the last towards two frames
+in the middle takes as many operations as from one end, but the two halves can be worked on at the
+same time; at the middle they meet in one small dense system.
 
 Nearly all memory is in the factors, as large as the system. A large system can be factored in
 place: it is lost, and nothing is held twice.
-
-The normal equations of a batch of motions: block-banded in time, with a border of globals.
 
 Per frame the unknowns are ``n`` local increments; frames couple to at most their two successors
 (velocity: one, acceleration: two), so the matrix is block-pentadiagonal, and a block Cholesky

@@ -1,11 +1,5 @@
 """What the videos leave open, and which further viewpoint would help most.
 
-Azimuths of cameras about the performer.
-
-Which further viewpoint would help most: the common motion's variance after one more camera.
-
-What the videos leave open.
-
 Ill-determined joints and phases, near-identical viewpoints, and the viewpoint that would help most.
 """
 

@@ -1,20 +1,15 @@
 """What a posterior counts as error: independent noise, model error, the covariance of joints.
 
-Which errors a posterior counts as independent.
-
 The solver needs a minimum; a standard deviation needs the number of independent observations.
 Detector errors and deviations of a performance persist over neighbouring frames, a pose persists
 longer still, and one performer has one body. Each is counted once per its own correlation time.
 
-Model error: what the covariance of a posterior leaves out, measured on training clips.
-
-A posterior is conditional on its model, and neglects some dependences, as of correspondences and of
-errors that persist longer than they count for. The claimed covariance is the posterior's times a
-factor. Where all videos show one motion, the factor is small, and what is left is that a person's
-joints are not exactly where those of the body model are (tools/fit_joint_uncertainty.py). Of a
-detector whose errors last as long as a view does, these are left too, of one motion and of several.
-
-From the covariance of the unknowns to that of joints and rotations, through their Jacobians.
+Model error: what the covariance of a posterior leaves out, measured on training clips. A posterior
+is conditional on its model, and neglects some dependences, as of correspondences and of errors that
+persist longer than they count for. The claimed covariance is the posterior's times a factor. Where
+all videos show one motion, the factor is small, and what is left is that a person's joints are not
+exactly where those of the body model are (tools/fit_joint_uncertainty.py). Of a detector whose
+errors last as long as a view does, these are left too, of one motion and of several.
 """
 
 from __future__ import annotations

@@ -1,15 +1,4 @@
-"""Parameters of every motion fit: the objective, the monocular start, the joint motion, hands.
-
-Parameters of the objective that every motion fit minimises.
-
-Parameters of the monocular start of each video.
-
-Parameters of the joint motion of all videos, of the loop, and of its uncertainty.
-
-Parameters of fingers and wrists.
-
-Parameters of the evaluation and its report.
-"""
+"""Parameters of every motion fit: the objective, the monocular start, the joint motion, hands."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Parameters of the synchronisation, the search for repetitions, and one event.
-
-Parameters of the synchronisation and of the search for repetitions.
-
-Parameters of the calibration of cameras that film one event.
-"""
+"""Parameters of the synchronisation, the search for repetitions, and one event."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Parameters of what looks at one video, or at long films: 2D detection, keypoints, camera motion.
-
-Parameters of what looks at one video: 2D detection, keypoints, camera motion.
-
-Parameters of what `imocap collect` takes from long films.
-"""
+"""Parameters of what looks at one video or a long film: detection, keypoints, camera motion."""
 
 from __future__ import annotations
 

@@ -1,14 +1,9 @@
 """The performer of a video: declared, the most present, or the one whom other videos show too.
 
-The performer of a video: the track with the largest presence x size x motion.
-
-The performer that action.yaml declares: by a track's number, or by a place in some frame.
-
-The performer among several people: whose motion agrees with the people of the other videos.
-
-Used only where a video shows several candidates. Every candidate's 3D poses are compared with those
-of the other videos' candidates, independent of time. People who stand still are near each other in
-all videos, so it also counts how much nearer the other's poses are than any one of them.
+The performer among several people: whose motion agrees with the people of the other videos. Used
+only where a video shows several candidates. Every candidate's 3D poses are compared with those of
+the other videos' candidates, independent of time. People who stand still are near each other in all
+videos, so it also counts how much nearer the other's poses are than any one of them.
 """
 
 from __future__ import annotations

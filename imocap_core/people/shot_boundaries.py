@@ -1,16 +1,14 @@
 """Shot boundaries, and whether points move as the picture does.
 
-Shot boundary detection: cuts between two shots of a video.
+Shot boundary detection: cuts between two shots of a video. A cut is a step between two frames
+across which no frames look alike, while the frames on either side of it look alike among
+themselves. So a flash is not a cut (the frames before and after it look alike), and neither is a
+fast pan (none of its frames look alike).
 
-A cut is a step between two frames across which no frames look alike, while the frames on either
-side of it look alike among themselves. So a flash is not a cut (the frames before and after it look
-alike), and neither is a fast pan (none of its frames look alike).
-
-Whether points move as the picture does: where keypoints are of this picture, they do.
-
-Optical flow (pyramidal Lucas-Kanade) at the points from one picture to a later one, against the
-points' own displacements. Points of another size, another moment or another video lie on the
-background, or on another part of the body, which moves otherwise.
+Whether points move as the picture does: where keypoints are of this picture, they do. Optical flow
+(pyramidal Lucas-Kanade) at the points from one picture to a later one, against the points' own
+displacements. Points of another size, another moment or another video lie on the background, or on
+another part of the body, which moves otherwise.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-"""The edits of an action.yaml that the page can ask for, applied to its content.
-
-Entries of an action.yaml, plain or with comments, and their fields as people write them.
-
-The edits of an action.yaml that the page can ask for.
-
-One video of an action.yaml made several of one file, with its anchors and forbidden spans.
-
-Edits applied to the content of an action.yaml, plain or with comments: pure functions.
-"""
+"""The edits of an action.yaml that the page can ask for, applied to its content."""
 
 from __future__ import annotations
 

@@ -1,17 +1,4 @@
-"""The videos of an action: looked through in the background, pictures, strips, tracked people.
-
-Work that goes on while the page is used: one thread a queue, ended with the server.
-
-A video looked through once for its strip: thumbnails, cuts between shots, and time stamps.
-
-JPEG pictures of any frame of a video, the last ones kept in memory.
-
-The video files of an action by number, each looked through once in the background.
-
-Outlines of the people tracked in a video, as polygons in its pictures.
-
-The people of an action's videos, tracked in the background as detections become available.
-"""
+"""The videos of an action: looked through in the background, pictures, strips, tracked people."""
 
 from __future__ import annotations
 

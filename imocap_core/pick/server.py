@@ -1,17 +1,10 @@
 """The page's server: 127.0.0.1 only, for one user: who may ask, and the answers.
 
-Who may ask the page's server: a browser on this machine that was given the address.
-
-The server listens on this machine only, but any page in a browser can send requests there, and any
-name can be made to lead to 127.0.0.1. So the address has a random token, compared in constant
-time; the Host header must name this machine (DNS rebinding); what changes something must come from
-the page itself (Origin), as JSON of limited size.
-
-The page's requests: its files, pictures by number, and changes of action.yaml.
-
-The server of the page: 127.0.0.1 only, for one user, until it is ended.
-
-pick: the page on which an action's clips, performers, spans and anchors are chosen.
+Who may ask the page's server: a browser on this machine that was given the address. The server
+listens on this machine only, but any page in a browser can send requests there, and any name can be
+made to lead to 127.0.0.1. So the address has a random token, compared in constant time; the Host
+header must name this machine (DNS rebinding); what changes something must come from the page itself
+(Origin), as JSON of limited size.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""One use of `imocap pick`: an action.yaml, its videos, and what the videos contradict.
-
-What an action.yaml declares that the videos contradict, in plain words.
-
-The action.yaml of a page: read and written whole, never over another program's change.
-
-One use of `imocap pick`: an action.yaml, its videos, and what goes on in the background.
-"""
+"""One use of `imocap pick`: an action.yaml, its videos, and what the videos contradict."""
 
 from __future__ import annotations
 

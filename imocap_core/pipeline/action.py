@@ -1,19 +1,8 @@
 """An action: the folder with the videos to capture, its action.yaml, and where its files lie.
 
-`person` in action.yaml: the performer of a video, where the program would choose another.
-
-The user's hints for the synchronisation in action.yaml: anchors and forbidden spans.
-
-An action: the folder with the videos to capture, and its action.yaml.
-
-Files as action.yaml declares them: by their path from its folder.
-
-Where the files of videos lie when an action is taken along: inside its folder.
-
-Results say where files lie in these terms, so that an action with videos anywhere and the same one
-with them inside have results of the same digests.
-
-One video file given twice.
+Where the files of videos lie when an action is taken along: inside its folder. Results say where
+files lie in these terms, so that an action with videos anywhere and the same one with them inside
+have results of the same digests.
 """
 
 from __future__ import annotations

@@ -1,15 +1,12 @@
 """The results of one run: what belongs together in the store, and how long each stage took.
 
-The results of one run: what lies in the store and belongs together, and nothing else.
-
 Every result carries the recipe that it was made by. Together results are one generation when each
 was made from the others that are read, and a current one when their recipes are those of now:
 the same files, declarations, parameters and seed. Code may have changed since; that alone makes a
 result old, not wrong.
 
-How long each stage took when its present result was made: artifacts/ACTION/timings.json.
-
-Artifacts hold no clock, so that the same input gives the same bytes; this file beside them does.
+How long each stage took when its present result was made: artifacts/ACTION/timings.json. Artifacts
+hold no clock, so that the same input gives the same bytes; this file beside them does.
 """
 
 from __future__ import annotations

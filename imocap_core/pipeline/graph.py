@@ -1,12 +1,9 @@
 """pipeline.yaml: the graph of the stages, the values that differ from the defaults, its scripts.
 
-pipeline.yaml: the graph of the stages, and the values that differ from the defaults; validated.
-
 The defaults, types and bounds of all parameters are those of `imocap_core.params`.
 
-Stages whose scripts lie in a working folder are run only where their user has allowed it.
-
-A pipeline.yaml names scripts, and a working folder may come from somebody else. Scripts of this
+Stages whose scripts lie in a working folder are run only where their user has allowed it. A
+pipeline.yaml names scripts, and a working folder may come from somebody else. Scripts of this
 program always run; those of a folder when IMOCAP_ALLOW_SCRIPTS lists that folder (`--allow-scripts`
 adds the working folder for one command).
 """

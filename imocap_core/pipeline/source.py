@@ -1,16 +1,9 @@
 """What a result depends on: its code, found without importing anything, and the content of files.
 
-Digests of files and folders by what they hold.
-
 What a stage reads must stay as it is while the stage runs, or its result is of something else.
-
 Digests before and after are not enough: a file that was changed and changed back has the same one,
 but the stage may have read what was there in between. The time of a file's last change of status
 cannot be set back.
-
-One Python file as what counts of it: its code, its imports, what it re-exports.
-
-The code a stage's result depends on, found without importing anything.
 
 From the stage's script, imports are followed through this project. A file counts by its syntax
 tree without docstrings, so comments, layout and documentation don't make results stale; data files

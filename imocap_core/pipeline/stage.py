@@ -1,12 +1,9 @@
 """The contract of a stage: read -> call the core -> write.
 
-A recipe: everything that determines a result, and the key that it is stored under.
-
-Parts of a stage's result that less than the whole determines, kept beside the results.
-
-A part is stored under a key of its own: the stage's code, parameters and seed, and what the part
-is made from. Whoever needs it again finds it: the same action after a video was added, or another
-action that has the video.
+Parts of a stage's result that less than the whole determines, kept beside the results. A part is
+stored under a key of its own: the stage's code, parameters and seed, and what the part is made
+from. Whoever needs it again finds it: the same action after a video was added, or another action
+that has the video.
 
 A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else.
 A complete example, which a test runs:
@@ -54,8 +51,6 @@ What the runner promises:
   got, what to do. It ends the run with exit code 1 and no traceback.
 * The same seed and the same inputs must give the same artifact: `ctx.rng()` is the only source of
   chance; no clock, no absolute path, no global generator.
-
-Calling a stage's functions: its script, its declared parameters, its errors as sentences.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """YAML files of people: read within limits, edited so that the rest stays as it is.
 
-YAML files of people: plain values, read within limits.
-
 Aliases are followed, but what they stand for is counted each time: a few lines can describe a tree
 of billions of values, which no later step could walk.
-
-A YAML text edited so that comments, unknown fields and untouched lines stay as they are.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""All tables and figures of the stage evaluate, in the order of the report.
-
-All tables of the stage evaluate, in the order of the report.
-
-Figures of the stage evaluate, written to the report's folder.
-"""
+"""All tables and figures of the stage evaluate, in the order of the report."""
 
 from __future__ import annotations
 

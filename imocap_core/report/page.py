@@ -1,9 +1,4 @@
-"""The report's page: HTML with embedded pictures, and Markdown that links them.
-
-Tables as Markdown and HTML, their columns in words.
-
-The style of the report's page: light or dark, and readable on a phone.
-"""
+"""The report's page: HTML with embedded pictures, and Markdown that links them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Order of the report: its sections, with their pictures, tables and introductions.
-
-Tables as the page shows them: fewer columns and rows than the files for programs have.
-"""
+"""Order of the report: its sections, with their pictures, tables and introductions."""
 
 from __future__ import annotations
 

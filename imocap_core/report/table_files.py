@@ -1,15 +1,4 @@
-"""The report's files for programs, tables as CSV and JSON, and their columns in words.
-
-Columns of the report's tables in words; their names are those of the CSV files.
-
-Meaning of each column of the report's tables, in one sentence; docs/metrics.md in full.
-
-Tables as CSV and JSON, and the text of a cell.
-
-Names of the files that the report's page is written to.
-
-The report's files for programs: tables as CSV and JSON, and an index of its pictures.
-"""
+"""The report's files for programs, tables as CSV and JSON, and their columns in words."""
 
 from __future__ import annotations
 

@@ -1,15 +1,4 @@
-"""Scores and artifacts to the report's tables.
-
-Tables of the errors of each joint: positions and rotations.
-
-The report's table of hands.
-
-Cameras calibrated from one event, in the report.
-
-The ground in the report: how sure up is, how cameras are held, soles below the ground.
-
-What the second look at the pictures was asked, and what it changed.
-"""
+"""Scores and artifacts to the report's tables."""
 
 from __future__ import annotations
 

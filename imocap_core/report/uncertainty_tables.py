@@ -1,11 +1,4 @@
-"""How far results can be trusted: standard deviations, observability, synchronisation.
-
-Claimed standard deviations against true errors, as tables of the report.
-
-The observability report in sentences: similar views, missing views, uncertain joints.
-
-Plausibility of the synchronisation, without truth, as tables of the report.
-"""
+"""How far results can be trusted: standard deviations, observability, synchronisation."""
 
 from __future__ import annotations
 

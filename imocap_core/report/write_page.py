@@ -1,7 +1,4 @@
-"""Stored results to the page and its figures; imported only when a page is written.
-
-Figures of the report's page, drawn at the end of a run beside those of the stage evaluate.
-"""
+"""Stored results to the page and its figures; imported only when a page is written."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""The artifacts of one action, read when first asked for, and the run that they are of.
-
-The artifacts of one action, read and decoded when they are first asked for.
-
-Which run a result is of: the seed, the parameters, and the digest of every stage's result.
-"""
+"""The artifacts of one action, read when first asked for, and the run that they are of."""
 
 from __future__ import annotations
 

@@ -1,15 +1,4 @@
-"""Derived of a result for other programs: clean clips, mean performance, mean angles, other worlds.
-
-Motion cleaned for characters: a clip that loops, feet that stand.
-
-The mean of all performances of an action, as one clean clip.
-
-Mean joint angles over the performances of a result.
-
-A levelled world whose origin is where the motion begins.
-
-A levelled world with z up, turned so that y points up.
-"""
+"""Derived of a result: clean clips, mean performance, mean angles, other worlds."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """What a run gave for one video: motion, camera, time and uncertainty as arrays.
 
-The camera of one video: where it stands, how it turns and zooms, and what it sees.
-
-Which frames of an action's videos show the same moment, as values.
-
-Indices: T used frames, J joints (24 of SMPL, or 52 of SMPL+H where the video has hands).
+Which frames of an action's videos show the same moment, as values. Indices: T used frames, J joints
+(24 of SMPL, or 52 of SMPL+H where the video has hands).
 """
 
 from __future__ import annotations

@@ -1,15 +1,4 @@
-"""A video's result in other forms: body, joint angles, events, common time, another world.
-
-The body of one video's performer, as the body model's own values.
-
-Joint angles of one video of a result.
-
-Events of a video: foot contacts, fastest moments of joints, turning points of angles.
-
-A result on the time axis that all its videos share.
-
-From one world to another: a video's motion, hands and camera; and the ground they stand on.
-"""
+"""A video's result in other forms: body, joint angles, events, common time, another world."""
 
 from __future__ import annotations
 

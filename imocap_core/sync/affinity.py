@@ -1,13 +1,7 @@
 """Squared distances between all frames of all videos, and affinities from them (Eq. 1).
 
-Squared distances between all frames of all videos, and their typical values.
-
-Affinities from pose distances (Eq. 1).
-
 Paper, section 3.1: "we compute the Euclidean distance between each pair of 3D poses aligned by the
 Procrustes method. Then, we map the reciprocal of distance to a value between [0,1]".
-
-Affinities of all pairs of frames (Eq. 1) for pictures: of long videos, every n-th frame.
 """
 
 from __future__ import annotations

@@ -1,18 +1,12 @@
 """Maps to the reference, refined against what the other videos agree on, on several time axes.
 
-Maps to the reference, refined against what the other videos agree on.
-
 Round after round, each video is warped onto the template made of the others' poses, and finally,
 where cameras are given, onto the projections of the others' motion.
-
-Maps to the reference averaged over several time axes.
 
 Refined maps lead to one video, the axis, and carry that video's own errors: with another axis all
 positions are others, although the videos are the same. Each axis also places every two other videos
 in relation to each other. The mean over the axes of where a frame of one video lies in another errs
 less than any of them, and depends little on which video is the reference.
-
-Maps to the reference, refined on several time axes and averaged.
 
 In the loop one axis is enough, the reference's: each video's own keypoints tell its time there. On
 another video's time its wrong poses would speak too.

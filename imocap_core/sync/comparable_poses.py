@@ -1,16 +1,11 @@
 """Poses of all videos made comparable: checks, velocities, changes, vertical motion.
 
-Poses of all videos made comparable: input checks, weights of missing joints, body scale.
-
-Change of a video's pose around each frame: near 0 while the performer stands still.
-
-Vertical motion of the trunk: what the root-relative comparison of poses leaves out.
-
-In a jump the pose hardly changes, the height does; and of two squats one is deeper, but both are
-lowest where they turn. Where the camera stands is unknown and it may drift, so slow changes of the
-height do not count. The distance of two poses with it is that of bodies
-that may be shifted sideways and turned, but not lifted: the squared difference of heights is added
-to the mean squared distance of the joints. It vanishes where nobody leaves the ground.
+Vertical motion of the trunk: what the root-relative comparison of poses leaves out. In a jump the
+pose hardly changes, the height does; and of two squats one is deeper, but both are lowest where
+they turn. Where the camera stands is unknown and it may drift, so slow changes of the height do not
+count. The distance of two poses with it is that of bodies that may be shifted sideways and turned,
+but not lifted: the squared difference of heights is added to the mean squared distance of the
+joints. It vanishes where nobody leaves the ground.
 """
 
 from __future__ import annotations

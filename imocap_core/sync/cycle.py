@@ -1,49 +1,35 @@
 """Cycle consistency of the pairwise maps (Eq. 2): maps agree with those through a third video.
 
-Cycle consistency of the pairwise maps (Eq. 2): a map from video i to video j, and the maps
-through any third video, agree.
-
-Outcome of a cycle-consistency method: iterations, convergence, one sentence.
-
-Cycle consistency by composition of stochastic maps.
-
 Each block of the affinity, its rows scaled to sum 1, is a stochastic map P_ij: the distribution of
 a frame of video i over the frames of video j. Were the maps consistent, a composition through any
 third video would not change them: P_ij = P_ik P_kj. So P_ij is replaced by the mean over all k of
 P_ik P_kj, a few times. With P_ii = I the direct map counts twice (k = i and k = j). Only the bands
 of the maps are multiplied.
 
-Row contrast: how far each entry of a map stands out in its row, the affinity of Eq. 2.
+Row contrast: how far each entry of a map stands out in its row, the affinity of Eq. 2. The paper's
+reciprocal of the distance is far from 0 for unrelated poses too (1/3 is usual). Eq. 2 rewards every
+entry above alpha = 0.1, so with such an affinity it is best to match all frames with all others,
+and the denoised matrix is flat. Informative is how far an entry stands out in its row.
 
-The paper's reciprocal of the distance is far from 0 for unrelated poses too (1/3 is usual). Eq. 2
-rewards every entry above alpha = 0.1, so with such an affinity it is best to match all frames with
-all others, and the denoised matrix is flat. Informative is how far an entry stands out in its row.
-
-Steps that the two ADMM solvers of Eq. 2 share: projection, penalty, residuals.
-
-The problem: Eq. 2 with the rank relaxed to the nuclear norm,
+Steps that the two ADMM solvers of Eq. 2 share: projection, penalty, residuals. The problem: Eq. 2
+with the rank relaxed to the nuclear norm,
 
     min  -<S - alpha, X> + lambda |X|_*   subject to  X in C,
 
 C: symmetric, entries in [0, 1], the blocks within a video the identity.
 
-Cycle consistency by low-rank factors: MatchALS (Zhou, Zhu, Daniilidis, ICCV 2015).
-
-Eq. 2 (see `admm`) with the nuclear norm written as ridge penalties on two factors:
+Cycle consistency by low-rank factors: MatchALS (Zhou, Zhu, Daniilidis, ICCV 2015). Eq. 2 (see
+`admm`) with the nuclear norm written as ridge penalties on two factors:
 
     min  -<S - alpha, X> + lambda/2 (|A|^2 + |B|^2)   subject to  X = A B',  X in C.
 
 The constraint is split (Z in C, multiplier Y, penalty mu); every step is a ridge solve or a clip,
 so an iteration costs three thin matrix products.
 
-Cycle consistency by singular-value thresholding (Dong et al., CVPR 2019; Cai, Candes, Shen
-2010).
-
-Eq. 2 (see `admm`) with the nuclear norm itself: the low-rank step shrinks the singular values.
-X + Y / mu is symmetric, so they are the moduli of its eigenvalues: one symmetric eigenproblem an
+Cycle consistency by singular-value thresholding (Dong et al., CVPR 2019; Cai, Candes, Shen 2010).
+Eq. 2 (see `admm`) with the nuclear norm itself: the low-rank step shrinks the singular values. X +
+Y / mu is symmetric, so they are the moduli of its eigenvalues: one symmetric eigenproblem an
 iteration instead of a singular-value decomposition.
-
-Cycle-consistency methods by name, and the choice among them by held-out residual.
 """
 
 from __future__ import annotations

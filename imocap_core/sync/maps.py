@@ -1,15 +1,8 @@
 """Soft maps between all videos, one band a pair, and the block structure of Eq. 1.
 
-The block structure of Eq. 1: all frames of all videos in one matrix, one block per pair of
-videos.
-
-Soft maps as bands: their entries vanish away from the warp.
-
-The posterior over monotone warps falls off so fast that most entries of a row are lost in the
-rounding of any sum over it. Without them a map takes memory, and a product with it time, in
-proportion to the frames, not to their square.
-
-Soft maps between all videos, one a pair, each as a band.
+Soft maps as bands: their entries vanish away from the warp. The posterior over monotone warps falls
+off so fast that most entries of a row are lost in the rounding of any sum over it. Without them a
+map takes memory, and a product with it time, in proportion to the frames, not to their square.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """Procrustes distance of every pair of poses, in closed form, and the alignment itself.
 
-Procrustes distance of every pair of poses, in closed form (section 3.1, above Eq. 1).
-
 Only the residual of the rigid alignment is needed, not its rotation, and the residual depends on
 nothing but the 3x3 correlation matrix S of the two centred poses: with its singular values
 s1 >= s2 >= s3,
@@ -9,8 +7,6 @@ s1 >= s2 >= s3,
     min_R sum_j w_j |a_j - R b_j|^2 = |a|^2 + |b|^2 - 2 (s1 + s2 + sign(det S) s3).
 
 So all pairs are one matrix product for the correlations and one closed form per entry.
-
-Rigid alignment of poses (Kabsch 1976), frame by frame or with a rotation that changes slowly.
 """
 
 from __future__ import annotations

@@ -2,15 +2,10 @@
 
 The reference video: of the central ones, to which the frames of the others are most similar, the
 one that shows most of them; of several that do, the one that goes most steadily through the action.
-
 Centralities of good videos lie close together, and noise decides between them; how much of the
 others a video shows it leaves alone. Of good videos any may be the reference (docs/sync.md); the
 loop chooses by joint motions, in which wrong monocular ones have been put right
 (docs/decisions.md).
-
-The user's anchors on the axis of the reference video.
-
-Every video compared with every other one, pair by pair: soft maps and what is read from them.
 """
 
 from __future__ import annotations

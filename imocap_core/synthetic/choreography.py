@@ -1,15 +1,10 @@
 """Random performances of a choreography by one body, hands and feet at fixed places.
 
-The body of the demos: its kinematics for contacts, its colours for the picture.
-
-Contact constraints by inverse kinematics: hands and feet at fixed places on the floor.
-
-Keyframes are authored by eye, so feet would slide and hands would sink. Every frame is therefore
-corrected by a small least-squares problem: near the authored pose, joints in contact at their
-places, every joint above the floor. All frames are solved at once and independently; inputs smooth
-in time give outputs smooth in time. Axes of the choreography (y up, floor at y = 0), metres.
-
-Random performances of one choreography by one body.
+Contact constraints by inverse kinematics: hands and feet at fixed places on the floor. Keyframes
+are authored by eye, so feet would slide and hands would sink. Every frame is therefore corrected by
+a small least-squares problem: near the authored pose, joints in contact at their places, every
+joint above the floor. All frames are solved at once and independently; inputs smooth in time give
+outputs smooth in time. Axes of the choreography (y up, floor at y = 0), metres.
 
 Performances vary in pace (a non-linear monotone map from frames to phase), in small departures from
 the choreography at every key, in the places of hands and feet, and in the phases at which they

@@ -1,13 +1,7 @@
 """A simulated 2D keypoint detector and 3D estimator with the kinds of errors that real ones have.
 
-Detection errors particular to a kind of keypoint: its noise, outliers and systematic offset.
-
-A simulated 2D keypoint detector with the kinds of errors that real ones have.
-
 Errors scale with the person's size in the picture, a share of their variance is correlated over
 time, and the confidence depends only partly on the error.
-
-False detections of a second person, as real detectors have them for a few frames.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """Textured rooms and their pictures from a rotating camera.
 
-Procedural textures with many features: floors, walls, pictures. RGB uint8, seeded.
-
-A textured room and its picture from a rotating camera.
-
 All frames of a camera that only rotates share one centre of projection: the room is ray-cast once
 onto a plate wide enough for all frames, and every frame is a homography of that plate,
 K R_t R_plate^T K_plate^-1.

@@ -1,13 +1,7 @@
 """The tai chi demo: a short form as keyframed poses and hands, and one video of it.
 
-Finger motion of a choreography, and a simulated detector of hands.
-
-A choreography of tai chi: a short form as keyframed poses and hands, in anatomical degrees.
-
 Commencing, parting the horse's mane, brush knee, cloud hands to both sides, cross hands, closing.
 The stance is narrow, wide or one foot before the other, and the weight shifts over the feet.
-
-One video of the tai chi demo: a body with fingers, in upright pictures from nearer than yoga.
 """
 
 from __future__ import annotations

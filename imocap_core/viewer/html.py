@@ -1,12 +1,7 @@
 """The viewer: one HTML file that holds its program, its data and its pictures; the body in it.
 
-The viewer's bytes: arrays one after another in a block, and entries in JSON that find them.
-
-The body in the viewer: one surface per shape, four bones per vertex, and poses per frame.
-
-The page skins the surface itself (web/body.js, web/shaders.js), so a frame costs its angles only.
-
-The viewer: one HTML file that holds its program, its data and its pictures.
+The body in the viewer: one surface per shape, four bones per vertex, and poses per frame. The page
+skins the surface itself (web/body.js, web/shaders.js), so a frame costs its angles only.
 """
 
 from __future__ import annotations

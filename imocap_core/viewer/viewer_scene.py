@@ -1,11 +1,4 @@
-"""From a result to the viewer's data: one level world, one time axis, and the page.
-
-When each foot rests on the ground, on the common axis: the lines under a video's lane.
-
-From a result to the viewer's data: one level world, one time axis, every video on both.
-
-view: from a result to one page that shows it in three dimensions.
-"""
+"""From a result to the viewer's data: one level world, one time axis, and the page."""
 
 from __future__ import annotations
 

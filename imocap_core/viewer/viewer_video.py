@@ -1,9 +1,4 @@
-"""One video in the viewer, and its source frames as small JPEG pictures.
-
-Source frames for the viewer: small JPEG pictures one after another.
-
-One video in the viewer: its identity, its camera, and the detections in its pictures.
-"""
+"""One video in the viewer, and its source frames as small JPEG pictures."""
 
 from __future__ import annotations
 

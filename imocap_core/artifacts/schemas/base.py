@@ -1,9 +1,5 @@
 """Values whose arrays are checked when they are made: type, shape, shared sizes; ids.
 
-Names of actions and videos: parts of file names, whoever wrote them.
-
-Values whose arrays are checked when they are made: type, shape, sizes shared between fields.
-
 A field says its shape in symbols,
 
     xy_px: Annotated[Floats, Shape("T", "K", 2)]

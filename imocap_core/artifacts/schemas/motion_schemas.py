@@ -1,13 +1,4 @@
-"""Artifacts of motion: `initial_smpl`, `smpl_ba`, `hands`, `uncertainty`; and tables of `evaluate`.
-
-Artifacts of `initial_smpl` and `smpl_ba`: body motion and cameras.
-
-Artifact of `hands`: fingers and wrists, where the keypoints have any.
-
-Artifact of `uncertainty`: standard deviations of joints, what the videos do not determine.
-
-Artifact of `evaluate`: tables, and the names of the files of the report.
-"""
+"""Artifacts of motion: `initial_smpl`, `smpl_ba`, `hands`, `uncertainty`; tables of `evaluate`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Artifacts of `sync` and `refine_sync`: correspondences, and the rounds of the loop.
-
-Artifact of `sync`: for every frame, the frame of the reference video it corresponds to.
-
-Artifact of `refine_sync`: every round of sync and motion, and the best one.
-"""
+"""Artifacts of `sync` and `refine_sync`: correspondences, and the rounds of the loop."""
 
 from __future__ import annotations
 

@@ -1,11 +1,4 @@
-"""Artifacts of what looks at one video: `keypoints`, `camera_motion`, `redetect`.
-
-Artifact of `keypoints`: the performer's 2D joints in every used frame of every video.
-
-Artifact of `camera_motion`: rotation and zoom, keypoints warped into the first frame.
-
-Artifact of `redetect`: limb joints that were looked for again, and where they are.
-"""
+"""Artifacts of what looks at one video: `keypoints`, `camera_motion`, `redetect`."""
 
 from __future__ import annotations
 

@@ -1,17 +1,15 @@
 """Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics.
 
-COCO's results: one JSON list per clip with one entry per person and frame.
+COCO's results: one JSON list per clip with one entry per person and frame. Each entry has
+``image_id`` (here the frame number, or a picture's name that ends in it), ``keypoints`` (x, y,
+score, x, y, score, ... of the detector's points, pixels) and a ``score`` of the whole person, as
+COCO's page on result formats describes; whole-body results (COCO-WholeBody) add ``foot_kpts``,
+``face_kpts``, ``lefthand_kpts`` and ``righthand_kpts``. An annotation file's visibility flags (0
+not labelled, 1 hidden, 2 visible) count as 0, 1 and 1. Category, box and the person's score are not
+used: the performer is found by the joints' positions.
 
-Each entry has ``image_id`` (here the frame number, or a picture's name that ends in it),
-``keypoints`` (x, y, score, x, y, score, ... of the detector's points, pixels) and a ``score`` of
-the whole person, as COCO's page on result formats describes; whole-body results (COCO-WholeBody)
-add ``foot_kpts``, ``face_kpts``, ``lefthand_kpts`` and ``righthand_kpts``. An annotation
-file's visibility flags (0 not labelled, 1 hidden, 2 visible) count as 0, 1 and 1. Category, box and
-the person's score are not used: the performer is found by the joints' positions.
-
-AlphaPose: `alphapose-results.json`, one list per clip with one entry per person and frame.
-
-As AlphaPose documents it: ``image_id`` is the picture's name (``12.jpg`` of a video is frame 12),
+AlphaPose: `alphapose-results.json`, one list per clip with one entry per person and frame. As
+AlphaPose documents it: ``image_id`` is the picture's name (``12.jpg`` of a video is frame 12),
 ``category_id`` 1, ``keypoints`` x, y (pixels) and confidence of every point, and ``score`` of the
 person; newer versions add ``box`` and ``idx``. Models of COCO have 17 points, of Halpe 26 or 136,
 of COCO-WholeBody 133. Confidences of heat maps may exceed 1 and then count as 1. The person's
@@ -21,23 +19,21 @@ Its other forms (``--format cmu`` and ``open``) are a dictionary by picture name
 (``joints``) or ``people`` (``pose_keypoints_2d``) of 18 points, and the same as a folder
 ``sep-json`` with one file a picture.
 
-MMPose: the predictions of one clip as one JSON file.
-
-Its demos write ``meta_info`` and ``instance_info``; its inferencer writes the list alone. The list
-has one entry per frame: ``frame_id`` and ``instances``, each with ``keypoints`` [[x, y], ...] in
-pixels and ``keypoint_scores``. The demos count frames from 1, the inferencer from 0: a list that
-starts at frame 1 and skips none counts from 1. Boxes and their scores are not used.
+MMPose: the predictions of one clip as one JSON file. Its demos write ``meta_info`` and
+``instance_info``; its inferencer writes the list alone. The list has one entry per frame:
+``frame_id`` and ``instances``, each with ``keypoints`` [[x, y], ...] in pixels and
+``keypoint_scores``. The demos count frames from 1, the inferencer from 0: a list that starts at
+frame 1 and skips none counts from 1. Boxes and their scores are not used.
 
 What the inferencer returns, saved as it is, is a list of frames that are lists of people; of a
 folder of pictures it writes one such list a file.
 
 Ultralytics' pose models (YOLO): results saved as JSON, or the labels that ``save_txt`` writes.
-
 JSON: a list with one entry a frame, what ``summary()`` or ``to_json()`` of its result gives: a list
 of people (or its text) with ``keypoints`` {x, y, visible}, pixels or shares of the picture. Labels:
-a folder with a file a frame that has people, ``NAME_1.txt`` of the first frame of a video; each
-row is a class, a box and x, y (, confidence) of the points as shares, then possibly a confidence
-and a track. Boxes and tracks are not used.
+a folder with a file a frame that has people, ``NAME_1.txt`` of the first frame of a video; each row
+is a class, a box and x, y (, confidence) of the points as shares, then possibly a confidence and a
+track. Boxes and tracks are not used.
 """
 
 from __future__ import annotations

@@ -1,34 +1,28 @@
 """DeepLabCut and SLEAP: the CSV of one video, or its .h5.
 
-DeepLabCut's results, whatever file they come from: headings of the columns, a row per frame.
-
-DeepLabCut: the .h5 of one video, a pandas data frame in PyTables' layout (`format="table"`).
-
-One group, of any name, has the attribute ``pandas_type`` frame_table and the compound dataset
+DeepLabCut: the .h5 of one video, a pandas data frame in PyTables' layout (`format="table"`). One
+group, of any name, has the attribute ``pandas_type`` frame_table and the compound dataset
 ``table``: ``index`` (the frame) and ``values_block_0`` (C,), ... of every row. Pickled attributes
 name the columns: ``info`` the heading rows, ``values_block_0_kind`` the C columns of the block,
 tuples (scorer, [individual,] body part, coordinate). They are read by the restricted unpickler.
 
-DeepLabCut: the CSV of one video, with three or four heading rows, or its .h5.
+DeepLabCut: the CSV of one video, with three or four heading rows, or its .h5. As its documentation
+describes: the rows ``scorer``, (``individuals`` in projects with several,) ``bodyparts`` and
+``coords`` (x, y, likelihood) name the columns; then one row per frame, the frame's number first,
+pixels. Body parts have the names that their project gave them: they are assigned to the points of
+the declared layout by name (see `part_names`), those that the layout lacks are ignored, and points
+without a body part are missing.
 
-As its documentation describes: the rows ``scorer``, (``individuals`` in projects with several,)
-``bodyparts`` and ``coords`` (x, y, likelihood) name the columns; then one row per frame, the
-frame's number first, pixels. Body parts have the names that their project gave them: they are
-assigned to the points of the declared layout by name (see `part_names`), those that the layout
-lacks are ignored, and points without a body part are missing.
+SLEAP: the analysis .h5 of one video, as SLEAP and sleap-io export it. ``tracks`` x, y of every
+track, node and frame; ``point_scores`` (optional); ``node_names``. The attribute ``dims`` of a
+dataset names its axes (JSON); without it they are those of SLEAP's own export, (track, xy, node,
+frame). Frames count from 0. Missing points are NaN.
 
-SLEAP: the analysis .h5 of one video, as SLEAP and sleap-io export it.
-
-``tracks`` x, y of every track, node and frame; ``point_scores`` (optional); ``node_names``. The
-attribute ``dims`` of a dataset names its axes (JSON); without it they are those of SLEAP's own
-export, (track, xy, node, frame). Frames count from 0. Missing points are NaN.
-
-SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5.
-
-As SLEAP exports it: ``track``, ``frame_idx``, ``instance.score``, then ``NODE.x``, ``NODE.y`` (and
-``NODE.score``) of every node of the skeleton, pixels. Nodes are assigned to the points of
-the declared layout by name (see `part_names`). Tracks and scores of instances are not used: people
-are tracked by their joints.
+SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5. As SLEAP
+exports it: ``track``, ``frame_idx``, ``instance.score``, then ``NODE.x``, ``NODE.y`` (and
+``NODE.score``) of every node of the skeleton, pixels. Nodes are assigned to the points of the
+declared layout by name (see `part_names`). Tracks and scores of instances are not used: people are
+tracked by their joints.
 """
 
 from __future__ import annotations

@@ -3,10 +3,6 @@
 Of a monocular estimate the joint rotations (or the joints) are used, in camera axes (x right,
 y down, z forward). Its translation is not: its depth depends on the focal length that each tool
 assumes, so the body is placed by the keypoints.
-
-Results that hold a list of people for every frame, as users save what an estimator returned.
-
-Results with one dictionary per person: VIBE, WHAM and tools in their format.
 """
 
 from __future__ import annotations

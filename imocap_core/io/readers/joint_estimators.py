@@ -1,30 +1,24 @@
 """Estimators of 3D joints: joints_npz, MeTRAbs, NLF, SAM 3D Body.
 
-joints_npz: any monocular estimator's 3D joints of one video.
+MeTRAbs: what `detect_poses(..., skeleton="smpl_24")` returns, saved by the user. A list with one
+dictionary per frame: ``poses3d`` (people, 24, 3) millimetres in camera axes, in SMPL's order, and
+``boxes`` (people, 4 or more) left, top, width, height in pixels; a JSON, .npy, .pkl or .pt file.
+``poses2d`` are not used.
 
-MeTRAbs: what `detect_poses(..., skeleton="smpl_24")` returns, saved by the user.
-
-A list with one dictionary per frame: ``poses3d`` (people, 24, 3) millimetres in camera axes, in
-SMPL's order, and ``boxes`` (people, 4 or more) left, top, width, height in pixels; a JSON, .npy,
-.pkl or .pt file. ``poses2d`` are not used.
-
-NLF: what `detect_smpl_batched` returns, saved by the user with torch.save, pickle or as JSON.
-
-A list of its dictionaries, one for every batch of pictures in the video's order, or one dictionary.
+NLF: what `detect_smpl_batched` returns, saved by the user with torch.save, pickle or as JSON. A
+list of its dictionaries, one for every batch of pictures in the video's order, or one dictionary.
 ``pose`` is a list over the pictures of (people, 72), axis-angle in camera axes (of SMPL+H and
 SMPL-X the first 66 numbers); ``boxes`` a list of (people, 4 or 5) left, top, width, height in
 pixels. Joints, vertices, shape, translation and uncertainties are not used.
 
-Files with what SAM 3D Body's estimator returns: MHR's 70 points of every person, by name.
-
-The estimator gives a list of people per picture, each a dictionary with ``pred_keypoints_3d`` (70,
-3) metres in camera axes, ``pred_keypoints_2d`` (70, 2) pixels, ``bbox`` x0, y0, x1, y1 in pixels,
-and more. A file is a JSON, .npy or .pkl list with one entry per frame, each a list of people, one
+Files with what SAM 3D Body's estimator returns: MHR's 70 points of every person, by name. The
+estimator gives a list of people per picture, each a dictionary with ``pred_keypoints_3d`` (70, 3)
+metres in camera axes, ``pred_keypoints_2d`` (70, 2) pixels, ``bbox`` x0, y0, x1, y1 in pixels, and
+more. A file is a JSON, .npy or .pkl list with one entry per frame, each a list of people, one
 person, or {``frame``: number, ``people``: list of people}.
 
-SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user.
-
-Accepted: the files of `sam3d_files`, in which the performer is found by ``bbox``; or an npz with
+SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user. Accepted:
+the files of `sam3d_files`, in which the performer is found by ``bbox``; or an npz with
 ``pred_keypoints_3d`` (T, 70, 3) of one person and, optionally, ``frames`` (T,). All 70 points are
 read; those that are joints of SMPL (`SMPL_POINTS`) are used by the fits. Mesh, camera, and MHR's
 parameters of pose, shape and hands are of MHR's own body and not used: the joints' distances tell

@@ -1,11 +1,4 @@
-"""The readers of 2D keypoints by name; format and layout recognised from the files.
-
-Format and layout of one file with the keypoints of a whole clip.
-
-Format and layout of keypoint files, recognised from their content.
-
-The readers of 2D keypoints, by the name that action.yaml gives their format.
-"""
+"""The readers of 2D keypoints by name; format and layout recognised from the files."""
 
 from __future__ import annotations
 

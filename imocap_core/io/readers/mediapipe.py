@@ -1,26 +1,22 @@
 """MediaPipe: 33 landmarks as JSON, npz or CSV, and Holistic's hands.
 
-MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz.
-
-MediaPipe returns landmarks and leaves saving to its user. Accepted: a JSON list (or ``frames``:
-list) with one entry per frame, in the names of its results: ``pose_landmarks`` (or ``landmarks``,
-``poseLandmarks``) and ``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a
-list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
-return); ``frame`` is the frame number, without which frames count from 0. Or an npz with arrays
-of these names (T, 33, 3 to 5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and,
-optionally, ``frames`` (T,). Or a CSV of the picture's landmarks (`mediapipe_csv`).
+MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz. MediaPipe returns landmarks and
+leaves saving to its user. Accepted: a JSON list (or ``frames``: list) with one entry per frame, in
+the names of its results: ``pose_landmarks`` (or ``landmarks``, ``poseLandmarks``) and
+``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a list of 33 {x, y, z,
+visibility}, or a list of people with such a list each (as its newer tasks return); ``frame`` is the
+frame number, without which frames count from 0. Or an npz with arrays of these names (T, 33, 3 to
+5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and, optionally, ``frames`` (T,). Or
+a CSV of the picture's landmarks (`mediapipe_csv`).
 
 As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
 taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
 away from the camera. z of picture landmarks and presence are not used.
 
-MediaPipe's landmarks in a CSV, as its users save them: one row a frame, or one a landmark.
-
-Columns of one row a frame: ``x0, y0, z0, v0, ...`` (from 0 or 1), ``landmark_0_x``, or names as
-``left_knee_x``, ``LEFT_KNEE_Y``. Of one row a landmark: a frame, a landmark's number or name, x,
-y, and possibly z and visibility. A column with the frame's number is used where there is one.
-
-MediaPipe Holistic's hands in an npz: `left_hand_landmarks`, `right_hand_landmarks`.
+MediaPipe's landmarks in a CSV, as its users save them: one row a frame, or one a landmark. Columns
+of one row a frame: ``x0, y0, z0, v0, ...`` (from 0 or 1), ``landmark_0_x``, or names as
+``left_knee_x``, ``LEFT_KNEE_Y``. Of one row a landmark: a frame, a landmark's number or name, x, y,
+and possibly z and visibility. A column with the frame's number is used where there is one.
 """
 
 from __future__ import annotations

@@ -1,11 +1,5 @@
 """A folder with one JSON file a frame: OpenPose, with hands, and EasyMocap.
 
-OpenPose: a folder with one JSON file per frame, each with any number of people.
-
-OpenPose's hands: `hand_left_keypoints_2d` and `hand_right_keypoints_2d` of one person.
-
-EasyMocap: a folder ``annots/CAMERA`` with one JSON file a frame.
-
 Each file has ``annots``, a list of people with ``keypoints`` [[x, y, confidence], ...] (BODY_25
 unless another model was chosen); boxes, ids, hands and faces are not used.
 """

@@ -1,11 +1,4 @@
-"""Shared by the readers of 2D keypoints: files a frame, people, points by name, all checked.
-
-A folder with one file of keypoints a frame: which file is of which frame.
-
-Shared by the readers of 2D keypoints: JSON files, frame numbers, people, all checked.
-
-Points of a layout by the names that users give body parts: `LeftKnee` is left_knee.
-"""
+"""Shared by the readers of 2D keypoints: files a frame, people, points by name, all checked."""
 
 from __future__ import annotations
 

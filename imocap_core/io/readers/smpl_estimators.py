@@ -1,26 +1,22 @@
 """Estimators of SMPL (VIBE, WHAM, TRAM, PHALP and others), and all estimators by name.
 
-VIBE: `vibe_output.pkl`, written by its demo with joblib (and by tools in its format).
+VIBE: `vibe_output.pkl`, written by its demo with joblib (and by tools in its format). {person:
+{``pose`` (N, 72) axis-angle, the root in camera axes, ``bboxes`` (N, 4) middle, width and height in
+pixels, ``frame_ids`` (N,), ``betas``, cameras, joints, ``verts``}}. Of several people the performer
+is found by the boxes. Cameras, shape, joints and mesh are not used.
 
-{person: {``pose`` (N, 72) axis-angle, the root in camera axes, ``bboxes`` (N, 4) middle, width and
-height in pixels, ``frame_ids`` (N,), ``betas``, cameras, joints, ``verts``}}. Of several people
-the performer is found by the boxes. Cameras, shape, joints and mesh are not used.
+WHAM: `wham_output.pkl`, written by its demo with joblib when asked to save. {person: {``pose`` (N,
+72) axis-angle, the root in camera axes, ``trans`` (N, 3), ``frame_ids`` (N,), ``betas``, ``verts``,
+``pose_world``, ``trans_world``}}. Of several people the performer is found by ``trans``, projected
+with WHAM's default focal length (the picture's diagonal). World motion, shape and mesh are not
+used.
 
-WHAM: `wham_output.pkl`, written by its demo with joblib when asked to save.
-
-{person: {``pose`` (N, 72) axis-angle, the root in camera axes, ``trans`` (N, 3), ``frame_ids``
-(N,), ``betas``, ``verts``, ``pose_world``, ``trans_world``}}. Of several people the performer is
-found by ``trans``, projected with WHAM's default focal length (the picture's diagonal).
-World motion, shape and mesh are not used.
-
-HMMR: `hmmr_output.pkl`, one person's track, pickled by its demo.
-
-``poses`` (N, 24, 3, 3) are rotation matrices, the root's in camera axes; ``cams``, ``joints``,
-``kps``, ``shapes``, ``verts`` and ``omegas`` are not used. The file has no frame numbers: N is
-the number of used frames, or of all frames of the video.
+HMMR: `hmmr_output.pkl`, one person's track, pickled by its demo. ``poses`` (N, 24, 3, 3) are
+rotation matrices, the root's in camera axes; ``cams``, ``joints``, ``kps``, ``shapes``, ``verts``
+and ``omegas`` are not used. The file has no frame numbers: N is the number of used frames, or of
+all frames of the video.
 
 GVHMR: `hmr4d_results.pt`, and GEM: `smpl_params.pt`; one person's motion, saved with torch.
-
 ``smpl_params_incam`` (GVHMR) or ``body_params_incam`` (GEM with the body SMPL) has
 ``global_orient`` (N, 3) and ``body_pose`` (N, 63), axis-angle, in camera axes: pelvis and the 21
 joints that SMPL-X shares with SMPL (SMPL's hands stay at rest); one row per frame of the video.
@@ -28,38 +24,30 @@ joints that SMPL-X shares with SMPL (SMPL's hands stay at rest); one row per fra
 used. The file is read with torch's restricted reader.
 
 TRAM: `hps/hps_track_0.npy` (and further tracks), one person each, saved by its script.
-
 ``pred_rotmat`` (N, 24, 3, 3) are rotation matrices in camera axes and ``frame`` (N,) the frame
 numbers, torch tensors in a pickled dictionary; ``pred_trans`` (N, 1, 3) with ``img_focal`` and
 ``img_center``, which are optional, give the person's position. A folder stands for all its tracks,
 a file for that person alone. Shape and weak-perspective camera are not used.
 
-PromptHMR: `results.pkl`, written by its video pipeline with joblib.
+PromptHMR: `results.pkl`, written by its video pipeline with joblib. ``people``: {track: {``frames``
+(N,), ``bboxes`` (N, 4 or more) x0, y0, x1, y1 in pixels, ``smplx_cam``: {``pose`` (N, 165)
+axis-angle of SMPL-X's 55 joints, the root in camera axes, ``rotmat``, ``shape``, ``trans``, ...},
+``smplx_world``: ...}}. The first 22 joints are SMPL's (SMPL's hands stay at rest). World motion,
+shape, camera, face and fingers are not used.
 
-``people``: {track: {``frames`` (N,), ``bboxes`` (N, 4 or more) x0, y0, x1, y1 in pixels,
-``smplx_cam``: {``pose`` (N, 165) axis-angle of SMPL-X's 55 joints, the root in camera axes,
-``rotmat``, ``shape``, ``trans``, ...}, ``smplx_world``: ...}}. The first 22 joints are SMPL's
-(SMPL's hands stay at rest). World motion, shape, camera, face and fingers are not used.
-
-4D-Humans (HMR2) with PHALP: the `.pkl` of its tracking, one dictionary per clip.
-
-{picture's path: {``time`` the frame's number from 0, ``tid`` the people's tracks, ``smpl`` for each
+4D-Humans (HMR2) with PHALP: the `.pkl` of its tracking, one dictionary per clip. {picture's path:
+{``time`` the frame's number from 0, ``tid`` the people's tracks, ``smpl`` for each
 {``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3), ``betas``} in camera axes, ``bbox`` x, y,
 width, height in pixels, ``tracked_time`` frames since the person was last detected, ...}}, written
 with joblib. People who were not detected in a frame (``tracked_time`` above 0) are ignored there.
 Of several people the performer is found by the boxes. Cameras, joints, shape, masks and appearance
 are not used.
 
-Multi-HMR: the people that its model returns for every frame, saved by the user.
-
-{``img_size``: the model's, ``frames``: [one list of people a frame]}, with torch.save, pickle or as
-JSON. A person has ``rotvec`` (53, 3), axis-angle in camera axes: SMPL-X's pelvis and 21 joints
-first, then hands and jaw; and ``loc`` (2,), the head's place in the square picture of ``img_size``
-pixels into which the model's demo fits the video's. Meshes, shape and translations are not used.
-
-smpl_npz: SMPL parameters of one video, as `imocap export --format npz` writes them.
-
-The readers of monocular 3D estimates, by the name that action.yaml gives their format.
+Multi-HMR: the people that its model returns for every frame, saved by the user. {``img_size``: the
+model's, ``frames``: [one list of people a frame]}, with torch.save, pickle or as JSON. A person has
+``rotvec`` (53, 3), axis-angle in camera axes: SMPL-X's pelvis and 21 joints first, then hands and
+jaw; and ``loc`` (2,), the head's place in the square picture of ``img_size`` pixels into which the
+model's demo fits the video's. Meshes, shape and translations are not used.
 """
 
 from __future__ import annotations

@@ -1,18 +1,16 @@
 """Biovision hierarchy (BVH), and a clip as LAFAN1's files have it, for robots.
 
-Biovision hierarchy (BVH): a joint tree, its offsets at rest, one line of channels per frame.
+Biovision hierarchy (BVH): a joint tree, its offsets at rest, one line of channels per frame. Metres
+(or another unit of the clip) and degrees. The root has six channels, XYZ position (the pelvis in
+the world) and rotation; every other joint three rotations. A root bone and the pelvis below it have
+six each. Channels are Z, Y, X: R = R_z R_y R_x. Angles are continuous from frame to frame, so that
+programs may interpolate them.
 
-Metres (or another unit of the clip) and degrees. The root has six channels, XYZ position (the
-pelvis in the world) and rotation; every other joint three rotations. A root bone and the pelvis
-below it have six each. Channels are Z, Y, X: R = R_z R_y R_x. Angles are continuous from
-frame to frame, so that programs may interpolate them.
-
-A motion clip as LAFAN1's files have it, for programs that put motion onto robots.
-
-Twenty-two joints in LAFAN1's order, y up, 30 frames a second; centimetres are up to the writer.
-Such programs use the joints' axes too: x points along the bone, and, of a body that stands with
-its arms down, z to the left in the trunk and the arms, to the right in the legs. Our rest pose is
-a T pose with all axes the body's (x left, y up, z ahead). Harvey et al., SIGGRAPH 2020.
+A motion clip as LAFAN1's files have it, for programs that put motion onto robots. Twenty-two joints
+in LAFAN1's order, y up, 30 frames a second; centimetres are up to the writer. Such programs use the
+joints' axes too: x points along the bone, and, of a body that stands with its arms down, z to the
+left in the trunk and the arms, to the right in the legs. Our rest pose is a T pose with all axes
+the body's (x left, y up, z ahead). Harvey et al., SIGGRAPH 2020.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """C3D, the file of motion laboratories (c3d.org): markers, joint angles and events.
 
-The parameter section of a C3D file (c3d.org): groups of named, typed arrays.
-
-Little-endian ("Intel") throughout. Names and group names are upper case, at most 127 characters;
-a dimension is at most 255, so that longer lists of labels continue in LABELS2, LABELS3.
+The parameter section of a C3D file (c3d.org): groups of named, typed arrays. Little-endian
+("Intel") throughout. Names and group names are upper case, at most 127 characters; a dimension is
+at most 255, so that longer lists of labels continue in LABELS2, LABELS3.
 
 Coordinates are 32-bit floats. A point's fourth number has its residual, here the standard deviation
 of the place (0 where none is known), and is -1 where the point is missing.

@@ -1,11 +1,7 @@
 """View files for Foxglove and Rerun: messages of cameras, pictures, keypoints, bodies as MCAP.
 
-Foxglove messages of a view file: cameras, pictures, keypoints, bodies.
-
 Coordinate frames: `world`, and `<id>_camera` of each video (x right, y down, z forward). Times are
 nanoseconds. The message classes are those of the package `foxglove-schemas-protobuf`.
-
-Protobuf messages as an MCAP file that Foxglove and Rerun open; the file contains its schemas.
 """
 
 from __future__ import annotations

@@ -1,11 +1,5 @@
 """Binary glTF 2.0 (GLB): animated skinned bodies and their cameras.
 
-Surface and camera of a motion clip: a skinned mesh, and a camera that turns and zooms.
-
-Binary glTF 2.0 (GLB) container: a JSON tree and one block of numbers that it refers to.
-
-A glTF 2.0 scene of motion clips: animated skinned bodies and their cameras.
-
 glTF is right-handed, metres, y up, cameras look along -z with y up: clips and cameras must be
 in a world with y up. Every video has separate nodes; the animation `all` moves them all, and with
 several videos each also has a separate one. Frames are keys in seconds, with linear (rotations:

@@ -1,14 +1,10 @@
 """OpenSim: models, marker sets, scaling, inverse kinematics, motions.
 
-OpenSim models (.osim, version 4): a linkage with markers, masses and ellipsoids to look at.
-
-The shoulder turns about Y, X and Y, which OpenSim refuses in one joint, as its axes lie in one
-plane: a nearly massless body stands between the plane and elevation, and the axial rotation.
-
-OpenSim's inverse kinematics setup, and motions (.mot).
+OpenSim models (.osim, version 4): a linkage with markers, masses and ellipsoids to look at. The
+shoulder turns about Y, X and Y, which OpenSim refuses in one joint, as its axes lie in one plane: a
+nearly massless body stands between the plane and elevation, and the axial rotation.
 
 Setups for a full-body OpenSim model that the user has: marker set, scaling, inverse kinematics.
-
 Such models (Rajagopal 2016 and those made from it) have one body a segment, whose origin is the
 joint centre at its upper end: the markers are these centres, and need no place to be guessed.
 """

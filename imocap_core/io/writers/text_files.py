@@ -1,19 +1,10 @@
 """Motions and cameras as text: joints, joint angles, events as CSV, markers as TRC, calibrations.
 
-Joints as comma-separated values: one row per frame, three columns per joint.
-
-Joint angles as comma-separated values.
-
-Events of a motion as comma-separated values.
-
-Track row column (TRC), which OpenSim and Pose2Sim read: joints as markers, millimetres.
-
-Calibrations of static cameras as other programs read them.
-
-`Calib.toml`: Pose2Sim's and aniposelib's tables, a camera each (Pose2Sim's utilities convert it to
-and from the formats of other programs). `intri.yml` and `extri.yml`: OpenCV's FileStorage with
-EasyMocap's names. Rotations are rotation vectors and matrices camera from world, lengths metres,
-distortions OpenCV's k1, k2, p1, p2 and, where it is not 0, k3.
+Calibrations of static cameras as other programs read them. `Calib.toml`: Pose2Sim's and
+aniposelib's tables, a camera each (Pose2Sim's utilities convert it to and from the formats of other
+programs). `intri.yml` and `extri.yml`: OpenCV's FileStorage with EasyMocap's names. Rotations are
+rotation vectors and matrices camera from world, lengths metres, distortions OpenCV's k1, k2, p1, p2
+and, where it is not 0, k3.
 """
 
 from __future__ import annotations

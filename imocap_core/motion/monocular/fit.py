@@ -1,16 +1,14 @@
 """The initial SMPL motion of each video by itself (section 3.2, "Initialization").
 
-Balance of monocular fits: one view hardly shows how far a body leans to or from the camera.
+Balance of monocular fits: one view hardly shows how far a body leans to or from the camera. Each
+start is refined by minimising the reprojection error with the priors that a single view needs; the
+robust loss narrows meanwhile. Of several starts the one of the lowest objective is the result; all
+objectives are reported.
 
-Each start is refined by minimising the reprojection error with the priors that a single view
-needs; the robust loss narrows meanwhile. Of several starts the one of the lowest objective is the
-result; all objectives are reported.
-
-The unit of a moving camera's path in metres: by the performer's size and feet.
-
-Structure from motion leaves the unit of length open. With a wrong one the performer, whose size
-tells metres, glides along with the camera: planted feet slide and the root's path bends. So motions
-are fitted at several units, all from one start with the same picture, and the objective decides.
+The unit of a moving camera's path in metres: by the performer's size and feet. Structure from
+motion leaves the unit of length open. With a wrong one the performer, whose size tells metres,
+glides along with the camera: planted feet slide and the root's path bends. So motions are fitted at
+several units, all from one start with the same picture, and the objective decides.
 """
 
 from __future__ import annotations

@@ -1,17 +1,13 @@
 """Starting points of monocular fits: from 2D alone with a library of poses, or from an estimate.
 
-A library of posed skeletons seen from all sides, as starts of monocular fits.
+A library of posed skeletons seen from all sides, as starts of monocular fits. Poses are drawn from
+the pose prior; directions cover the sphere; the rotation in the image plane, the scale and the
+shift are solved in closed form when a detection is matched.
 
-Poses are drawn from the pose prior; directions cover the sphere; the rotation in the image
-plane, the scale and the shift are solved in closed form when a detection is matched.
-
-From 2D keypoints to 3D starts: match each frame against the library, then the best path.
-
-Matching alone is ambiguous in depth. Each frame has many candidates; dynamic programming picks
-the sequence that agrees with the image and moves least in 3D. A penalty near earlier paths gives
-further, different starts.
-
-Starting points of monocular fits: from 2D alone with the library, or from an estimate.
+From 2D keypoints to 3D starts: match each frame against the library, then the best path. Matching
+alone is ambiguous in depth. Each frame has many candidates; dynamic programming picks the sequence
+that agrees with the image and moves least in 3D. A penalty near earlier paths gives further,
+different starts.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """Correspondences between the reference's frames and every video's; motions on the common axis.
 
-Correspondences between the reference video's frames and every other video's.
-
-Motions resampled from their own frames to the time axis that all videos share.
-
-The axis is the synchronisation's phase (imocap_core/sync/time_axis.py), seconds of the reference.
-On it one grid of even steps spans all videos; a video is sampled at the frames of these phases.
-Before its first and after its last frame the nearest end is repeated, and `inside` is False.
+Motions resampled from their own frames to the time axis that all videos share. The axis is the
+synchronisation's phase (imocap_core/sync/time_axis.py), seconds of the reference. On it one grid of
+even steps spans all videos; a video is sampled at the frames of these phases. Before its first and
+after its last frame the nearest end is repeated, and `inside` is False.
 """
 
 from __future__ import annotations

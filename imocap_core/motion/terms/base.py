@@ -1,13 +1,4 @@
-"""The interface of a term of the objective, and what terms share.
-
-The interface of a term of the objective.
-
-A term with a fraction of its weight.
-
-Neighbouring frames: which exist, and values shifted in time; and a motion in pieces.
-
-Running means over time.
-"""
+"""The interface of a term of the objective, and what terms share."""
 
 from __future__ import annotations
 

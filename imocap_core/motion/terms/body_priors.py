@@ -1,17 +1,10 @@
 """Priors: pose, shape, limits of hinges, focal lengths.
 
-A Gaussian-mixture pose prior as a term of the objective.
-
-The shape prior: beta ~ N(0, 1). Every fitter needs one; the paper does not print it.
-
-Images tell proportions, not size: a small person near the camera looks like a tall one far away.
-Nor do they tell a torso's form: bodies with the same limbs, hips, shoulders and height of the trunk
-differ in where the spine runs. Errors of keypoints and poses would leak into both, so size and the
-directions of shape that no keypoint tells have weights of their own (docs/decisions.md).
-
-Knees and elbows do not bend backwards: a one-sided quadratic on the hinge angle.
-
-Prior on unknown focal lengths.
+The shape prior: beta ~ N(0, 1). Every fitter needs one; the paper does not print it. Images tell
+proportions, not size: a small person near the camera looks like a tall one far away. Nor do they
+tell a torso's form: bodies with the same limbs, hips, shoulders and height of the trunk differ in
+where the spine runs. Errors of keypoints and poses would leak into both, so size and the directions
+of shape that no keypoint tells have weights of their own (docs/decisions.md).
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""Contact and balance: feet on the ground do not slide, the centre of mass is above them.
-
-Foot contact: feet on the ground do not slide.
-
-Balance: a body's centre of mass is above the limbs that it stands on.
-"""
+"""Contact and balance: feet on the ground do not slide, the centre of mass is above them."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""The coupling between videos (Eq. 8), and joints known in 3D as evidence of articulation.
-
-The coupling between videos, Eq. 8's last two terms on the manifold.
-
-Joints known in 3D, up to a rotation and a shift, as evidence of articulation: those of a
-monocular estimator, or of the motion that all performances have in common.
-"""
+"""The coupling between videos (Eq. 8), and joints known in 3D as evidence of articulation."""
 
 from __future__ import annotations
 

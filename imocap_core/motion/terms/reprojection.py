@@ -1,17 +1,15 @@
 """L_2d of Eq. 3: detected keypoints against the projected body, in one or several views.
 
-Inner solve (variable projection): the rigid offsets that fit a view's frames best.
+Inner solve (variable projection): the rigid offsets that fit a view's frames best. Plain
+Gauss-Newton on six unknowns a frame. Every frame is by itself and small, and this runs at every
+state that is tried, so it works in the camera's axes, where a projection's derivative has four
+entries, and on planes (B, T, K) of one coordinate of all points; what is quadratic in a frame's
+rows is one product. The descent of the outer solve (`solver.descent`) would evaluate the cost of
+every step besides: the prior keeps these steps from running away without it.
 
-Plain Gauss-Newton on six unknowns a frame. Every frame is by itself and small, and this runs at
-every state that is tried, so it works in the camera's axes, where a projection's derivative has
-four entries, and on planes (B, T, K) of one coordinate of all points; what is quadratic in a
-frame's rows is one product. The descent of the outer solve (`solver.descent`) would evaluate the
-cost of every step besides: the prior keeps these steps from running away without it.
-
-Residuals of several views of the same points, added to the normal equations at once.
-
-A view's residuals depend on the body through its points alone. So the residuals of all views are
-first gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
+Residuals of several views of the same points, added to the normal equations at once. A view's
+residuals depend on the body through its points alone. So the residuals of all views are first
+gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
 Jacobian instead of one a view.
 """
 

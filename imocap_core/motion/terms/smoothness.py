@@ -1,12 +1,9 @@
 """Temporal smoothness: Eq. 7 on the rotation manifold, and accelerations of joints in space.
 
-Temporal smoothness: Eq. 7 on the rotation manifold, and accelerations.
-
 Real accelerations are heavy-tailed: nearly none most of the time, and large in a strike or a step.
 Their cost is logarithmic (the likelihood of Student's t), so rest is smooth and strikes stay sharp.
 
 Accelerations of joints in space, calm or vigorous for a while (Student's t over a window).
-
 Rotations that are smooth by themselves still add up: the noise of a hip, a trunk and an arm meets
 at the wrist. So the accelerations of joints are a term of their own. Those of real motion are
 heavy-tailed and come in spells: their cost is the logarithm of the energy of a short window, which

@@ -1,9 +1,5 @@
 """Which videos are mirrored, and which show another action, decided and said in words.
 
-What is decided about whole videos, by whichever evidence.
-
-Outliers: videos of another action.
-
 An outlier lies further from the others than they from each other, and either follows their order of
 time no better than any other video, or lies far whatever it follows.
 
@@ -25,8 +21,6 @@ with precise estimates a performance that differs a little is no outlier.
   same action gains.
 
 The score is the exponential of the larger of the two.
-
-Which videos are mirrored, and which show another action, from the joint explanations.
 
 A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
 and most videos clearly better as they are taken; where most do not, or by no more than detectors

@@ -1,11 +1,8 @@
 """How well the other videos' common motion explains a video: as it is, in a mirror, or not at all.
 
-The best camera and warp of a video's keypoints under a motion, beyond fixed directions.
-
-Common motion of several videos: their keypoints, linearly triangulated (scaled orthographic).
-
-One video's monocular motion, in its own camera's axes, gives the time and a weak prior of every
-joint. The other videos' keypoints are registered with it, which tells each camera's direction, the
+Common motion of several videos: their keypoints, linearly triangulated (scaled orthographic). One
+video's monocular motion, in its own camera's axes, gives the time and a weak prior of every joint.
+The other videos' keypoints are registered with it, which tells each camera's direction, the
 corresponding frames, and each frame's scale and place; then every joint at every moment is a linear
 least-squares problem of three unknowns. A second round registers with the motion of the first.
 

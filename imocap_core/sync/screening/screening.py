@@ -1,7 +1,4 @@
-"""Screening before the synchronisation: mirrored videos, and videos of another action.
-
-The screening's decisions in words.
-"""
+"""Screening before the synchronisation: mirrored videos, and videos of another action."""
 
 from __future__ import annotations
 

@@ -1,14 +1,9 @@
 """Dynamic time warping with open ends, and the paper's last step: a path on each relaxed block.
 
-Dynamic time warping with open ends (Sakoe and Chiba 1978; the paper's last step of
-synchronisation).
-
 A path runs monotonically through the cost matrix. Every frame of either video pays once: the cost
 of the cell it is matched in, or `skip` when it lies before the path's start or after its end. A
 diagonal step therefore weighs two (a frame of each video), a straight step one; swapping the
 videos transposes the path. An infinite `skip` closes the ends.
-
-Warps as in the paper: one DTW path on each relaxed block (section 3.1).
 """
 
 from __future__ import annotations

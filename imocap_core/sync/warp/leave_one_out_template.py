@@ -1,20 +1,18 @@
 """Squared distances of each video to the template made of the other videos.
 
 Whitening of the joints: linear combinations of joints whose errors are independent and equal.
-
 Wrists err more than hips, and a limb errs as a whole: a distance that adds up all joints alike
 counts one error several times. The residuals of the current alignment give the covariance of the
 joints' errors; for features in which they are independent and equally large, the plain distance is
 the right one. Combining joints commutes with rotating poses, so alignment works on the features
 unchanged.
 
-Distances between poses weighted by the certainty of each camera axis.
-
-A monocular estimate is far less certain along the line of sight than across it, and its orientation
-drifts slowly. Rigid alignment frame by frame can use neither fact: it spreads the error in depth
-over all directions and leaves every frame's rotation free. Once a video is roughly synchronised,
-the rotation between it and the template is a smooth function of time, and the residuals show how
-certain each of its axes is. Given both, the distance is a plain weighted one, a matrix product.
+Distances between poses weighted by the certainty of each camera axis. A monocular estimate is far
+less certain along the line of sight than across it, and its orientation drifts slowly. Rigid
+alignment frame by frame can use neither fact: it spreads the error in depth over all directions and
+leaves every frame's rotation free. Once a video is roughly synchronised, the rotation between it
+and the template is a smooth function of time, and the residuals show how certain each of its axes
+is. Given both, the distance is a plain weighted one, a matrix product.
 
 The difference of two monocular estimates carries the noise of both. Once the videos are roughly
 synchronised, the other videos' poses, rotated onto the reference and averaged at each moment, are a

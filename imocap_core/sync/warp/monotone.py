@@ -1,9 +1,8 @@
 """Posterior over all monotone warps: the position of each frame of a video in another one.
 
-What the two forward-backward passes share: bounded likelihoods, normalised posteriors.
-
-DTW gives the one cheapest path. With estimates as noisy as monocular ones the cheapest path follows
-the noise; the mean over all paths, each weighted by its likelihood, does not. That mean is a
+What the two forward-backward passes share: bounded likelihoods, normalised posteriors. DTW gives
+the one cheapest path. With estimates as noisy as monocular ones the cheapest path follows the
+noise; the mean over all paths, each weighted by its likelihood, does not. That mean is a
 forward-backward pass over a hidden Markov chain whose states are positions in the other video and
 whose steps are never negative and geometrically distributed about the usual rate. Between two clear
 matches every way to divide the positions is then equally likely, so during a hold (a still pose)

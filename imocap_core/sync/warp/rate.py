@@ -1,21 +1,16 @@
 """Posterior over all warps of slowly changing rate, its prior, and playback rates of videos.
 
-Prior of a performance's rate: a Markov chain on a grid of rates around the usual one.
-
-Posterior over all warps of slowly changing rate (forward-backward over position and rate).
-
 `monotone` gives every sequence of steps forward the same prior, which is right where frames were
 left out at random. A performance proceeds at a rate that drifts, so here the hidden state is a
 position in the other video and a rate, both on grids; from frame to frame the position advances by
 the rate (split between the two grid points around it) and the rate follows its Markov chain
 (`rate_prior`).
 
-Playback rates of videos: slow motion and time lapse, from the poses.
-
-The rate of one video in another is read from the posterior over all warps of slowly changing rate
-(`smooth_rate`), on few frames and with a prior of heavy tails: half of all videos play within a
-third of the usual speed, and slow motion by eight is no miracle. The rates of all pairs are
-differences of one number a video, solved together by robust least squares.
+Playback rates of videos: slow motion and time lapse, from the poses. The rate of one video in
+another is read from the posterior over all warps of slowly changing rate (`smooth_rate`), on few
+frames and with a prior of heavy tails: half of all videos play within a third of the usual speed,
+and slow motion by eight is no miracle. The rates of all pairs are differences of one number a
+video, solved together by robust least squares.
 """
 
 from __future__ import annotations

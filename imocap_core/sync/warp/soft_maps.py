@@ -1,15 +1,11 @@
 """Soft maps from squared distances: P(position in another video | frame).
 
-Clocks of videos: frames per second of the action, where a video is in slow motion or time
-lapse.
-
-Evidence for a counterpart of a frame in the other video, or against one.
-
-A frame whose nearest pose in the other video is unlike it may have no counterpart, but that is
-weaker evidence than a Gaussian error makes it: monocular estimates of one pose from two sides may
-differ by several times the usual distance, and as long as the pose lasts. So evidence grows with
-the logarithm of the distance, and what speaks against a match counts by how much the pose changes:
-a performer who stands still is one observation, however long.
+Evidence for a counterpart of a frame in the other video, or against one. A frame whose nearest pose
+in the other video is unlike it may have no counterpart, but that is weaker evidence than a Gaussian
+error makes it: monocular estimates of one pose from two sides may differ by several times the usual
+distance, and as long as the pose lasts. So evidence grows with the logarithm of the distance, and
+what speaks against a match counts by how much the pose changes: a performer who stands still is one
+observation, however long.
 """
 
 from __future__ import annotations

@@ -1,24 +1,17 @@
 """Template: the mean of the videos' poses; positions of frames in it, and squared distances.
 
-Template: the precision-weighted mean of the videos' poses at the reference's positions.
-
 A monocular estimate is certain across its line of sight and uncertain along it. Videos look from
 different sides, so depth of one is lateral for another: the mean weighs every direction of every
 video's poses by its precision, which is what triangulation does.
 
-Positions of frames from a soft map: median, monotone order, confidence.
+Squared distances of a video's frames to the positions near their present ones. Which position fits
+a frame is a question of those that its soft map does not rule out; how well the best one fits is
+judged by the best of all. So all distances are computed, a few frames at a time, and the band about
+the map is stored.
 
-Squared distances of a video's frames to the positions near their present ones.
-
-Which position fits a frame is a question of those that its soft map does not rule out; how well
-the best one fits is judged by the best of all. So all distances are computed, a few frames at a
-time, and the band about the map is stored.
-
-Squared distances of frames' points from templates' after the best small rigid offset of each
-pair (variable projection).
-
-With x the points, p a template's, B its derivatives by the offset, w the weights and P the inverse
-variances of offsets,
+Squared distances of frames' points from templates' after the best small rigid offset of each pair
+(variable projection). With x the points, p a template's, B its derivatives by the offset, w the
+weights and P the inverse variances of offsets,
 
     min_o sum_k w_k |x_k - p_k - B_k o|^2 + o' P o = sum_k w_k |x_k - p_k|^2 - g' H^-1 g,
     g = sum_k w_k B_k' (x_k - p_k),   H = sum_k w_k B_k' B_k + P.

@@ -1,19 +1,11 @@
 """Person boxes: everybody in a picture, by two networks; duplicates and refused boxes.
 
-Person boxes: everybody in a picture, by an SSD MobileNet v2 trained on Open Images.
-
-MediaPipe's graph `object_detection_oid_v4`: 1917 anchors of six layers, each with the logits of 24
-classes and a box.
+Person boxes: everybody in a picture, by an SSD MobileNet v2 trained on Open Images. MediaPipe's
+graph `object_detection_oid_v4`: 1917 anchors of six layers, each with the logits of 24 classes and
+a box.
 
 BlazePose's person detector: everybody in a picture, by a single-shot network of fixed anchors.
-
 MediaPipe's graph `pose_detection`: 2254 anchors, each with a logit and a box of four points.
-
-Joints that are hidden behind another person.
-
-Duplicates: two crops that landed on one person.
-
-Boxes in which nobody new was found: for some time they are not looked at again.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Everybody through a video: where each picture is looked at.
 
-How many pictures wait for the next one that is looked at.
-
-Each person's next crop follows from the last landmarks. The person detector looks at the whole
-picture every few frames and whenever somebody was lost; a box in which nobody is followed is a new
-person, who is also followed backward through the last pictures.
+How many pictures wait for the next one that is looked at. Each person's next crop follows from the
+last landmarks. The person detector looks at the whole picture every few frames and whenever
+somebody was lost; a box in which nobody is followed is a new person, who is also followed backward
+through the last pictures.
 
 While somebody moves evenly, a picture waits for the next one, and while all do, three wait for the
 fourth. Who that shows to have gone on so is not looked at in the pictures between.

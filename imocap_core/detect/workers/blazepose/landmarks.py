@@ -1,14 +1,10 @@
 """BlazePose's landmark network: 33 points of the body and two of its circle in one crop.
 
-What the networks have in common: they are functions of one picture, and speak in logits.
-
-Square crops about a person: where they lie in the picture, and their pixels.
-
-A crop turns with the person, so that the networks get an upright body. Positions are pixels of the
-picture; a pixel covers the square from its number to the next.
+Square crops about a person: where they lie in the picture, and their pixels. A crop turns with the
+person, so that the networks get an upright body. Positions are pixels of the picture; a pixel
+covers the square from its number to the next.
 
 A picture, and itself at half the size, as often as its crops ask for (an image pyramid).
-
 MediaPipe's graph `pose_landmark_by_roi`: points from a regression, each refined by its heatmap.
 """
 

@@ -1,15 +1,8 @@
 """Looks at one picture: the body in a crop, apart from and behind other people.
 
-Even motion: pictures in which nobody needs to be looked at, as the looks around them tell.
-
-Linear interpolation halfway between two looks errs by an eighth of the second difference. Where
-that is much less than what the network errs by, a look would add its time and little else.
-
-People who are followed from picture to picture: who is one, who is new, who is nearest.
-
-Looks at one picture: the body in a crop, apart from other people, and where it is seen best.
-
-A look at a person whose place in the picture is known, by both networks.
+Even motion: pictures in which nobody needs to be looked at, as the looks around them tell. Linear
+interpolation halfway between two looks errs by an eighth of the second difference. Where that is
+much less than what the network errs by, a look would add its time and little else.
 """
 
 from __future__ import annotations

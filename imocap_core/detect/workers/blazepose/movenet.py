@@ -1,14 +1,11 @@
 """MoveNet, a second network that looks at a body, and the limbs as both networks have them.
 
-MoveNet, a second network that looks at a body: 17 points in one crop.
-
 Its outputs are those of a CenterNet: heat of the body's middle, from there a first place of each
 point, heat of each point near it, and what the place is off the middle of the heat's cell.
 
-Limbs as two networks tell them: their mean, and less visibility where they disagree.
-
-The two are trained apart and err apart, where one network's answers to the same picture, mirrored
-or cropped otherwise, err together.
+Limbs as two networks tell them: their mean, and less visibility where they disagree. The two are
+trained apart and err apart, where one network's answers to the same picture, mirrored or cropped
+otherwise, err together.
 """
 
 from __future__ import annotations
