@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.detect.workers.blazepose.boxes import LIMB_LANDMARKS, size_of
+from imocap_core.detect.workers.blazepose.boxes import LIMBS, size_of
 from imocap_core.detect.workers.blazepose.course import EVERY, Course
 from imocap_core.detect.workers.blazepose.landmarks import (
     Crop,
@@ -73,8 +73,8 @@ def test_hidden_joints_and_the_face_do_not_count() -> None:
     dimmed = [replace(looks[1], body=replace(looks[1].body, visibility=visibility))]
     assert is_even([looks[0], *dimmed, looks[2]], gap=2)
     assert not is_even(looks[:2], gap=2)
-    assert WRIST in LIMB_LANDMARKS
-    assert NOSE not in LIMB_LANDMARKS
+    assert WRIST in LIMBS
+    assert NOSE not in LIMBS
 
 
 def course(

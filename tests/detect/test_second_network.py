@@ -29,7 +29,7 @@ from imocap_core.detect.workers.blazepose.looks import between
 from imocap_core.detect.workers.blazepose.movenet import (
     DOUBTFUL,
     ELSEWHERE,
-    LIMB_LANDMARKS,
+    JOINTS,
     NEAR,
     POINTS,
     SECOND_POINTS,
@@ -59,14 +59,12 @@ def standing() -> Landmarks:
         Pyramid(picture((200, 200))), Crop(200.0, 200.0, 1.3 * HEIGHT, 0.0), landmark_network
     )
     xy = body.xy_px.copy()
-    for k, joint in enumerate(LIMB_LANDMARKS):
+    for k, joint in enumerate(JOINTS):
         xy[joint] = (180 if k < 4 else 220), 160 + 25 * (k % 4)
     return replace(body, xy_px=xy, visibility=np.full(33, 0.8))
 
 
-def told(
-    body: Landmarks, away: np.ndarray | float = 0.0, order: list[int] = LIMB_LANDMARKS
-) -> Landmarks:
+def told(body: Landmarks, away: np.ndarray | float = 0.0, order: list[int] = JOINTS) -> Landmarks:
     """The body with a second network's points, so many sizes to the right of its own joints
     (`order`: whose are taken for whose)."""
     points = body.xy_px[POINTS].copy()
@@ -128,8 +126,8 @@ def test_where_both_agree_limbs_are_their_mean() -> None:
     body = standing()
     both = combined(told(body, 0.01))
     moved = (both.xy_px - body.xy_px)[:, 0] / (body.next_crop.side / MARGIN)
-    assert np.allclose(moved[LIMB_LANDMARKS], 0.005, rtol=0.01)
-    assert np.allclose(np.delete(moved, LIMB_LANDMARKS), 0)
+    assert np.allclose(moved[JOINTS], 0.005, rtol=0.01)
+    assert np.allclose(np.delete(moved, JOINTS), 0)
     assert np.allclose(both.visibility, body.visibility, rtol=0.02)
 
 
@@ -137,7 +135,7 @@ def test_where_they_do_not_agree_a_joint_counts_for_less() -> None:
     body, away = standing(), np.zeros(8)
     away[1] = 2 * DOUBTFUL  # a wrist
     both = combined(told(body, away))
-    wrist = LIMB_LANDMARKS[1]
+    wrist = JOINTS[1]
     assert np.linalg.norm(both.xy_px - body.xy_px, axis=1).max() < NEAR * body.next_crop.side / 50
     lowered = both.visibility < body.visibility
     assert set(np.flatnonzero(lowered)) == {wrist, *TIPS[wrist]}
@@ -147,7 +145,7 @@ def test_where_they_do_not_agree_a_joint_counts_for_less() -> None:
 def test_sides_exchanged_by_the_second_network_are_not_its_disagreement() -> None:
     """Which side is which is judged later: arms exchanged, legs not."""
     body = standing()
-    exchanged = [LIMB_LANDMARKS[k] for k in (4, 5, 2, 3, 0, 1, 6, 7)]
+    exchanged = [JOINTS[k] for k in (4, 5, 2, 3, 0, 1, 6, 7)]
     both = combined(told(body, order=exchanged))
     assert np.allclose(both.xy_px, body.xy_px)
     assert np.allclose(both.visibility, body.visibility)
@@ -209,10 +207,10 @@ def test_people_are_followed_as_without_it_and_told_by_both() -> None:
     for (one,), (two,) in zip(alone, both, strict=True):
         assert one.next_crop == two.next_crop
         moved = two.xy_px - one.xy_px
-        assert np.allclose(np.delete(moved, LIMB_LANDMARKS, axis=0), 0)
+        assert np.allclose(np.delete(moved, JOINTS, axis=0), 0)
         right = 0.01 * crop_about(one).side
-        assert np.allclose(moved[LIMB_LANDMARKS, 0], right / 2, atol=0.3 * right)
-        assert np.abs(moved[LIMB_LANDMARKS, 1]).max() < 1.0  # pixel: bars in a finer crop
+        assert np.allclose(moved[JOINTS, 0], right / 2, atol=0.3 * right)
+        assert np.abs(moved[JOINTS, 1]).max() < 1.0  # pixel: bars in a finer crop
 
 
 def made_graph(folder: Path) -> tuple[Path, Path, list[np.ndarray]]:

@@ -202,7 +202,7 @@ def share_there(body: Landmarks, points: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(inside, share, 0.0))
 
 
-LIMB_LANDMARKS = [11, 13, 15, 23, 25, 27, 12, 14, 16, 24, 26, 28]  # left, then right
+LIMBS = [11, 13, 15, 23, 25, 27, 12, 14, 16, 24, 26, 28]  # left, then right
 OTHER_SIDE = np.roll(np.arange(12), 6)
 SAME_JOINT = 0.07  # of the body's size: so near lie a joint of one person, detected twice
 ONE_PERSON_OVERLAP = 0.5  # share of joints, or of pixels, of two answers about one person
@@ -245,10 +245,10 @@ def mask_overlap(a: Landmarks, b: Landmarks) -> float:
 
 def shared(body: Landmarks, others: Sequence[Landmarks]) -> float:
     """Share of a body's joints that are joints of others; their sides may be exchanged."""
-    taken = np.zeros(len(LIMB_LANDMARKS), bool)
+    taken = np.zeros(len(LIMBS), bool)
     for other in others:
         limit = SAME_JOINT * min(size_of(body), size_of(other))
-        places, others_places = body.xy_px[LIMB_LANDMARKS], other.xy_px[LIMB_LANDMARKS]
+        places, others_places = body.xy_px[LIMBS], other.xy_px[LIMBS]
         near = [
             np.linalg.norm(places - rows, axis=1) < limit
             for rows in (others_places, others_places[OTHER_SIDE])
@@ -282,7 +282,7 @@ def in_front_first(bodies: Sequence[Landmarks], steps: Sequence[float]) -> list[
 
 def step(body: Landmarks, last: Landmarks) -> float:
     """How far the joints moved from one frame to the next: the median, in sizes of the body."""
-    moved = np.linalg.norm(body.xy_px[LIMB_LANDMARKS] - last.xy_px[LIMB_LANDMARKS], axis=1)
+    moved = np.linalg.norm(body.xy_px[LIMBS] - last.xy_px[LIMBS], axis=1)
     return float(np.median(moved)) / size_of(last)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .boxes import (
-    LIMB_LANDMARKS,
+    LIMBS,
     PersonBox,
     corners_of,
     detect_people,
@@ -83,7 +83,7 @@ def interpolation_error(looks: Sequence[Look], gap: int) -> float:
     earlier = (b.body.xy_px - a.body.xy_px) / (b.frame - a.frame)
     bend = 2 * (later - earlier) / (c.frame - a.frame)  # pixels per frame^2
     least = np.min([look.body.visibility for look in looks], axis=0)
-    visible = [joint for joint in LIMB_LANDMARKS if least[joint] >= VISIBLE]
+    visible = [joint for joint in LIMBS if least[joint] >= VISIBLE]
     largest = np.linalg.norm(bend[visible], axis=1).max(initial=0.0)
     return float(largest) * gap**2 / 8 / size_of(c.body)
 

@@ -85,8 +85,8 @@ def crop_about(body: Landmarks) -> Crop:
 
 
 ARMS, LEGS = [0, 1, 4, 5], [2, 3, 6, 7]  # among the joints below
-LIMB_LANDMARKS = [13, 15, 25, 27, 14, 16, 26, 28]  # elbow, wrist, knee, ankle: left, then right
-SECOND_POINTS = [POINTS.index(joint) for joint in LIMB_LANDMARKS]  # among the second network's
+JOINTS = [13, 15, 25, 27, 14, 16, 26, 28]  # elbow, wrist, knee, ankle: left, then right
+SECOND_POINTS = [POINTS.index(joint) for joint in JOINTS]  # among the second network's
 TIPS = {15: (17, 19, 21), 16: (18, 20, 22), 27: (29, 31), 28: (30, 32)}  # that go with a joint
 # Shares of a body's size:
 NEAR = 0.05  # distance within which the mean of both counts; beyond, the first network's place
@@ -110,8 +110,8 @@ def combined(body: Landmarks) -> Landmarks:
         return body
     xy, visibility = body.xy_px.copy(), body.visibility.copy()
     share = 0.5 / (1 + (away / NEAR) ** 4)
-    xy[LIMB_LANDMARKS] += share[:, None] * (second - xy[LIMB_LANDMARKS])
-    for joint, trust in zip(LIMB_LANDMARKS, 1 / (1 + (away / DOUBTFUL) ** 2), strict=True):
+    xy[JOINTS] += share[:, None] * (second - xy[JOINTS])
+    for joint, trust in zip(JOINTS, 1 / (1 + (away / DOUBTFUL) ** 2), strict=True):
         visibility[[joint, *TIPS.get(joint, ())]] *= trust
     return replace(body, xy_px=xy, visibility=visibility)
 
@@ -119,7 +119,7 @@ def combined(body: Landmarks) -> Landmarks:
 def _distances(body: Landmarks) -> tuple[np.ndarray, np.ndarray]:
     """The second network's joints (8, 2), and how far they are from the body's, in its sizes."""
     assert body.second_xy_px is not None
-    size, first = body.next_crop.side / MARGIN, body.xy_px[LIMB_LANDMARKS]
+    size, first = body.next_crop.side / MARGIN, body.xy_px[JOINTS]
     second = on_the_same_sides(first, body.second_xy_px[SECOND_POINTS], size)
     return second, np.linalg.norm(first - second, axis=1) / size
 
