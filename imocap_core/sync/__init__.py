@@ -3,6 +3,8 @@
 Reading order:
     synchronise            synchronisation of videos by 3D poses (section 3.1; Eq. 1, 2): screening,
                            then the joint
+    evidence               what a synchronisation goes by: the poses of all videos, and what is
+                           known of them beforehand
     anchors                anchors: frames that show the same moment, given by the user; and spans
                            without a counterpart
     sound                  offsets between recordings of one event, by the onsets in their sound
