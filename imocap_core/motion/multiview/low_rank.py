@@ -15,6 +15,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.camera.pnp import pnp_over_frames
+from imocap_core.motion.monocular.fit import Progress
+from imocap_core.motion.multiview.common_motion import estimate_spread, misfit
 from imocap_core.motion.multiview.per_video import (
     coupling_terms,
     per_video_terms,
@@ -24,6 +26,7 @@ from imocap_core.motion.multiview.per_video import (
 from imocap_core.motion.multiview.scene import (
     AlignedMotions,
     Cameras,
+    JointMotion,
     Scene,
     cameras_from_motion,
     solve,
@@ -252,3 +255,23 @@ def refine_by_pnp(scene: Scene, motion: MotionState, cameras: Cameras) -> Camera
         if pose.ok:
             R[v], t[v] = torch.as_tensor(pose.R).to(R), torch.as_tensor(pose.t).to(t)
     return replace(cameras, R=R, t=t)
+
+
+def alternated(
+    scene: Scene,
+    state: MotionState,
+    cameras: Cameras,
+    options: MotionParams,
+    progress: Progress,
+) -> JointMotion:
+    """Section 3.2, "Optimization": the alternations of Eq. 8."""
+    costs = []
+    for round_ in range(options.rounds):
+        progress(f"coupled fit {round_ + 1} of {options.rounds}")
+        state, cameras, cost = low_rank_round(scene, state, cameras, options, pnp=round_ > 0)
+        costs.append(cost)
+    common = consensus_motion(scene, state, cameras, options.agreement_rad)
+    spread = estimate_spread(scene, common, cameras, options)
+    status = f"{options.rounds} alternations of Eq. 8"
+    fit = misfit(scene, common, cameras)
+    return JointMotion(state, cameras, common, spread, costs, status, fit, scene.swapped)

@@ -20,7 +20,12 @@ from jaxtyping import Float, Int
 
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
-from imocap_core.motion.multiview.low_rank import consensus_motion, low_rank_round, mean_shapes
+from imocap_core.motion.multiview.low_rank import (
+    alternated,
+    consensus_motion,
+    low_rank_round,
+    mean_shapes,
+)
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import relocalise, with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene, cameras_from_motion
@@ -163,7 +168,7 @@ def _recovered(
     K = scene.K.to(start.trans)
     cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
     if options.objective == "paper":
-        return _alternate(scene, state, cameras, options, progress)
+        return alternated(scene, state, cameras, options, progress)
     progress("coupled fit 1 of 1")  # only a start for the common fit
     few = replace(options, max_steps=min(START_STEPS, options.max_steps))
     state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
@@ -218,26 +223,6 @@ def common_then_deviations(
 def shared_shapes(state: MotionState, performers: Sequence[int]) -> MotionState:
     """The mean shape of a performer's videos for every one of them."""
     return replace(state, betas=mean_shapes(state, performers)[list(performers)])
-
-
-def _alternate(
-    scene: Scene,
-    state: MotionState,
-    cameras: Cameras,
-    options: MotionParams,
-    progress: Progress,
-) -> JointMotion:
-    """Section 3.2, "Optimization": the alternations of Eq. 8."""
-    costs = []
-    for round_ in range(options.rounds):
-        progress(f"coupled fit {round_ + 1} of {options.rounds}")
-        state, cameras, cost = low_rank_round(scene, state, cameras, options, pnp=round_ > 0)
-        costs.append(cost)
-    common = consensus_motion(scene, state, cameras, options.agreement_rad)
-    spread = estimate_spread(scene, common, cameras, options)
-    status = f"{options.rounds} alternations of Eq. 8"
-    fit = misfit(scene, common, cameras)
-    return JointMotion(state, cameras, common, spread, costs, status, fit, scene.swapped)
 
 
 def _single_video(scene: Scene, start: MotionState) -> JointMotion:
