@@ -171,6 +171,8 @@ CORNER = 0.5
 PAIRS, STEP, LOOKED_AT, LARGER_PX = 40, 2, 600, 480
 LEAST, CLEARLY = 0.2, 0.1  # agreement with the pictures, and its lead over another reading
 SEEN = 0.3  # confidence of points that are compared
+ORDINALS = ("", "", "2nd", "3rd", "4th", "5th", "6th", "7th", "8th")
+FEW, MAX_STEP = 6, 8  # frames of keypoints that show a step; frames from one to the next
 OFF_END = 2  # frames that detectors and decoders may differ by
 
 
@@ -181,12 +183,14 @@ class Reading:
     Attributes:
         first: number of the keypoints of the video's frame 0.
         rate: numbers of keypoints a frame.
+        step: of the numbers, where only every second frame or so was detected.
         linear, shift: shown pixels = linear @ pixels of the file + shift.
         words: how they are read, empty for as they are.
     """
 
     first: int = 0
     rate: Fraction = Fraction(1)
+    step: int = 1
     linear: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     shift: tuple[float, float] = (0.0, 0.0)
     words: tuple[str, ...] = ()
@@ -204,6 +208,16 @@ class Reading:
         """(Fractional) numbers of the keypoints of frames."""
         return np.asarray(self.first + float(self.rate) * frames)
 
+    def by_place(self, given: DetectedPeople) -> dict[int, People]:
+        """The people of a file by their place in it: its frame number, in steps."""
+        places = (given.frames - given.frames[0] % self.step) // self.step
+        return dict(zip(places.tolist(), given.people, strict=True))
+
+    def places_of(self, frames: Int[np.ndarray, " T"], given: DetectedPeople) -> list[float]:
+        """(Fractional) places in the file of the keypoints of frames."""
+        places = (self.number(frames) - given.frames[0] % self.step) / self.step
+        return [float(place) for place in places]
+
     @property
     def mirrored(self) -> bool:
         """Whether the keypoints are of the mirror image of the shown picture."""
@@ -213,10 +227,9 @@ class Reading:
         """The people of the video's frames 0 to count - 1, where there are any."""
         if not self.words:
             return given
-        people = dict(zip(given.frames.tolist(), given.people, strict=True))
-        nobody = given.people[0][:0]
+        people, nobody = self.by_place(given), given.people[0][:0]
         frames = np.arange(count)
-        readings = [between_people(people, n, nobody) for n in self.number(frames).tolist()]
+        readings = [between_people(people, n, nobody) for n in self.places_of(frames, given)]
         placed = [np.concatenate([self.places(p[..., :2]), p[..., 2:]], axis=-1) for p in readings]
         if self.mirrored:
             twins = list(mirror_indices(layout_names(layout)))
@@ -242,7 +255,7 @@ def reading_of(
 
     ValueError when they are of another video, or of no version of it that is known.
     """
-    times = _timings(given.frames, info.frame_count, where, used)
+    times = _in_steps(_timings(given.frames, info.frame_count, where, used), given.frames)
     places = [Reading()] if placed else _placings(given, info)
     options = [
         replace(place, first=time.first, rate=time.rate, words=(*time.words, *place.words))
@@ -300,6 +313,16 @@ def _timings(
             Reading(first - used[0], words=(f"the keypoints are numbered from frame {used[0]} on",))
         )
     return [*others, base] if others and is_dense and total < 0.6 * count else [base, *others]
+
+
+def _in_steps(times: list[Reading], numbers: Int[np.ndarray, " N"]) -> list[Reading]:
+    """The same of a file that has only every second frame or so, under its number."""
+    apart = np.diff(numbers)
+    step = int(np.gcd.reduce(apart)) if len(apart) >= FEW else 1
+    if not (1 < step <= MAX_STEP and np.median(apart) == step):
+        return times
+    words = f"the keypoints are of every {ORDINALS[step]} frame: the others are between these"
+    return [replace(time, step=step, words=(*time.words, words)) for time in times]
 
 
 def _at_rate(rate: Fraction, first: int, total: int, count: int) -> Reading:
@@ -424,14 +447,14 @@ def _agreements(
     options: Sequence[Reading], given: DetectedPeople, info: VideoInfo, video: Path
 ) -> list[float]:
     """How well the points move with the pictures, in each reading; NaN where none can be told."""
-    people = dict(zip(given.frames.tolist(), given.people, strict=True))
+    people = [option.by_place(given) for option in options]
     scale, nobody = min(1.0, LARGER_PX / max(info.size)), given.people[0][:0]
     agreement = Agreement(len(options))
     for t, before, after in _pairs(video, min(info.frame_count, LOOKED_AT), scale):
         points = []
-        for option in options:
-            numbers = option.number(np.array([t, t + STEP])).tolist()
-            ends = _same_points(*(between_people(people, n, nobody) for n in numbers))
+        for option, by_place in zip(options, people, strict=True):
+            places = option.places_of(np.array([t, t + STEP]), given)
+            ends = _same_points(*(between_people(by_place, n, nobody) for n in places))
             points.append((scale * option.places(ends[0]), scale * option.places(ends[1])))
         agreement.add(before, after, points)
     return agreement.values()

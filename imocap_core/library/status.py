@@ -309,7 +309,7 @@ class Format:
 
 
 KEYPOINTS_READ = {
-    "openpose": "OpenPose: a folder with one JSON file per frame, each with any number of people",
+    "openpose": "OpenPose: a folder with one JSON file per frame, or one list of them (DWPose)",
     "alphapose": (
         "AlphaPose: alphapose-results.json, one list per clip with one entry per person and frame"
     ),
@@ -319,9 +319,8 @@ KEYPOINTS_READ = {
     "ultralytics": (
         "Ultralytics' pose models (YOLO): results saved as JSON, or the labels that save_txt writes"
     ),
-    "npz": (
-        "npz, npy: 2D keypoints of one clip as plain arrays, for detectors without a file format"
-    ),
+    "tfjs": "TensorFlow.js' pose detection (MoveNet, BlazePose, PoseNet): a JSON list of frames",
+    "npz": "2D keypoints of one clip as plain arrays (npz, npy, CSV), for any detector",
     "deeplabcut": "DeepLabCut: the CSV of one video, with three or four heading rows, or its .h5",
     "sleap": (
         "SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5"
@@ -330,24 +329,18 @@ KEYPOINTS_READ = {
         "SAM 3D Body as a detector: the 70 points of every person in the picture, hands"
         " and feet too"
     ),
-    "mediapipe": "MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz",
+    "mediapipe": "MediaPipe Pose: its 33 landmarks of one clip, saved as JSON, npz or CSV",
     "cpn_npz": (
         "VideoPose3D's 2D keypoints: data_2d_*.npz, positions_2d of many clips in one file"
     ),
 }
 INITIAL_READ = {
-    "smpl_npz": (
-        "smpl_npz: SMPL parameters of one video, as imocap export --format npz writes them"
-    ),
+    "smpl_npz": "SMPL parameters of one video, as imocap export --format npz writes them",
     "hmr2": "4D-Humans (HMR2) with PHALP: the .pkl of its tracking, one dictionary per clip",
-    "tokenhmr": "4D-Humans (HMR2) with PHALP: the .pkl of its tracking, one dictionary per clip",
+    "tokenhmr": "TokenHMR: PHALP's .pkl, written by its track.py",
     "wham": "WHAM: wham_output.pkl, written by its demo with joblib when asked to save",
-    "gvhmr": (
-        "GVHMR: hmr4d_results.pt, and GEM: smpl_params.pt; one person's motion, saved with torch"
-    ),
-    "gem": (
-        "GVHMR: hmr4d_results.pt, and GEM: smpl_params.pt; one person's motion, saved with torch"
-    ),
+    "gvhmr": "GVHMR: hmr4d_results.pt, one person's motion, saved with torch",
+    "gem": "GEM: smpl_params.pt, and GEM-X: hpe_results.pt (the bodies SMPL and SOMA)",
     "prompthmr": "PromptHMR: results.pkl, written by its video pipeline with joblib",
     "vibe": "VIBE: vibe_output.pkl, written by its demo with joblib (and by tools in its format)",
     "hmmr": "HMMR: hmmr_output.pkl, one person's track, pickled by its demo",
@@ -359,7 +352,7 @@ INITIAL_READ = {
         "pickle or as JSON"
     ),
     "multihmr": "Multi-HMR: the people that its model returns for every frame, saved by the user",
-    "joints_npz": "joints_npz: any monocular estimator's 3D joints of one video",
+    "joints_npz": "any monocular estimator's 3D joints of one video",
     "sam3d_body": (
         "SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user"
     ),

@@ -9,6 +9,7 @@ DetectionFormat = Literal[
     "coco",
     "easymocap",
     "ultralytics",
+    "tfjs",
     "mediapipe",
     "halpe26",
     "wholebody",

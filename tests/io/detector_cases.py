@@ -35,11 +35,20 @@ CASES: dict[str, tuple[Write, str, str]] = {  # name: writer, format, layout
     "alphapose open": (made.write_alphapose_open, "alphapose", "coco18"),
     "alphapose folder": (made.write_alphapose_folder, "alphapose", "coco18"),
     "mmpose raw": (made.write_mmpose_raw, "mmpose", "coco17"),
+    "mmpose nested": (made.write_mmpose_nested, "mmpose", "coco17"),
+    "mmpose results": (made.write_mmpose_results, "mmpose", "halpe26"),
     "mmpose folder": (made.write_mmpose_folder, "mmpose", "halpe26"),
     "easymocap folder": (made.write_easymocap, "easymocap", "halpe26"),
     "ultralytics": (made.write_ultralytics, "ultralytics", "coco17"),
     "ultralytics texts": (made.write_ultralytics_texts, "ultralytics", "coco17"),
     "ultralytics folder": (made.write_ultralytics_labels, "ultralytics", "coco17"),
+    "dwpose": (made.write_dwpose, "openpose", "coco18"),
+    "tfjs": (made.write_tfjs, "tfjs", "coco17"),
+    "tfjs one person": (made.write_posenet, "tfjs", "coco17"),
+    "mediapipe one person": (made.write_landmark_lists, "mediapipe", "mediapipe33"),
+    "csv numbered": (made.write_numbered_csv, "npz", "coco17"),
+    "csv numbered 133": (made.write_numbered_csv, "npz", "wholebody133"),
+    "csv named": (made.write_named_csv, "npz", "coco17"),
     "npy": (made.write_npy, "npz", "halpe26"),
     "mediapipe csv": (made.write_mediapipe_csv, "mediapipe", "mediapipe33"),
     "mediapipe csv named": (made.write_mediapipe_named_csv, "mediapipe", "mediapipe33"),
@@ -55,7 +64,7 @@ def read(path: Path, kind: str, layout: str, *names: str) -> Any:
 
 def written(case: str, folder: Path, **changes: Any) -> tuple[Path, made.People, str, str]:
     write, kind, layout = CASES[case]
-    one = {"persons": 1} if kind == "cpn_npz" or "csv" in case else {}
+    one = {"persons": 1} if kind == "cpn_npz" or "csv" in case or "one" in case else {}
     people = made.people(layout, **(one | changes))
     return write(folder, people), people, kind, layout
 

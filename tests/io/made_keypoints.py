@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -207,6 +208,85 @@ def write_alphapose_folder(folder: Path, made: People) -> Path:
 
 def write_mmpose_raw(folder: Path, made: People) -> Path:
     return _json(folder / "predictions.json", [[*map(_instance, ps)] for ps in made.values()])
+
+
+def write_mmpose_nested(folder: Path, made: People) -> Path:
+    """`predictions` of each of the inferencer's results: a list of one picture's people."""
+    return _json(folder / "predictions.json", [[[*map(_instance, ps)]] for ps in made.values()])
+
+
+def write_mmpose_results(folder: Path, made: People) -> Path:
+    results = [
+        {"visualization": [], "predictions": [[*map(_instance, people)]]}
+        for people in made.values()
+    ]
+    return _json(folder / "results.json", results)
+
+
+def write_dwpose(folder: Path, made: People) -> Path:
+    """As ComfyUI's nodes save it: one list, a frame's parts null where they were not detected."""
+    listed = [
+        {
+            "people": [
+                {"pose_keypoints_2d": _flat(p), "face_keypoints_2d": None}
+                | {f"hand_{side}_keypoints_2d": None for side in ("left", "right")}
+                for p in people
+            ],
+            "canvas_height": 360, "canvas_width": 640,
+        }
+        for people in made.values()
+    ]  # fmt: skip
+    return _json(folder / "dwpose.json", listed)
+
+
+def write_tfjs(folder: Path, made: People) -> Path:
+    """MoveNet's: people with named points."""
+    listed = [
+        [
+            {"score": 0.9, "keypoints": [
+                {"x": x, "y": y, "score": c, "name": name}
+                for name, (x, y, c) in zip(layout_names("coco17"), np.nan_to_num(p).tolist(),
+                                           strict=True)
+            ]}
+            for p in people
+        ]
+        for people in made.values()
+    ]  # fmt: skip
+    return _json(folder / "movenet.json", listed)
+
+
+def write_posenet(folder: Path, made: People) -> Path:
+    """PoseNet's: one person a frame, parts with positions, in camel case."""
+    parts = [re.sub("_(.)", lambda m: m[1].upper(), name) for name in layout_names("coco17")]
+    listed = [
+        {"score": 0.9, "keypoints": [
+            {"position": {"x": x, "y": y}, "score": c, "part": part}
+            for part, (x, y, c) in zip(parts, np.nan_to_num(people[0]).tolist(), strict=True)
+        ]}
+        for people in made.values()
+    ]  # fmt: skip
+    return _json(folder / "posenet.json", listed)
+
+
+def write_landmark_lists(folder: Path, made: People) -> Path:
+    listed = [
+        [dict(zip(("x", "y", "z", "visibility"), row, strict=True)) for row in rows]
+        for rows in (np.nan_to_num(_shares(people[0])).tolist() for people in made.values())
+    ]
+    return _json(folder / "landmarks.json", listed)
+
+
+def write_numbered_csv(folder: Path, made: People) -> Path:
+    count = len(made[0][0])
+    heading = ["frame", *(f"{axis}{k}" for k in range(count) for axis in "xyc")]
+    rows = [[frame, *np.nan_to_num(people[0]).ravel()] for frame, people in made.items()]
+    return _csv(folder / "points.csv", [heading, *rows])
+
+
+def write_named_csv(folder: Path, made: People) -> Path:
+    heading = [f"{name}_{axis}" for name in layout_names("coco17") for axis in ("x", "y", "conf")]
+    rows = [np.nan_to_num(people[0]).ravel() for people in made.values()]
+    return _csv(folder / "points.csv", [heading, *rows])
 
 
 def write_mmpose_folder(folder: Path, made: People) -> Path:

@@ -126,16 +126,53 @@ def test_freemocap_of_one_camera_and_of_several(tmp_path: Path) -> None:
     points[1, 2, 4] = np.nan
     np.save(file, points)
     assert guess_detections(file) == ("npz", "mediapipe33")
-    with pytest.raises(ValueError, match=r"those of 3 \(FreeMoCap's 2D data\); save each camera"):
+    with pytest.raises(ValueError, match=r"got 3 times 5, as FreeMoCap's .*; save each camera"):
         read_keypoints_npz(file, "mediapipe33")
     np.save(file, points[1])
     read = read_keypoints_npz(file, "mediapipe33")
     assert np.array_equal(np.concatenate(read.people)[..., :2], points[1, :, :33], equal_nan=True)
     assert read.people[2][0, 4, 2] == 0.0
+    np.save(file, points[:, :, :33])  # the body alone: not 3 frames of 5 people
+    with pytest.raises(ValueError, match="got 3 times 5"):
+        read_keypoints_npz(file, "mediapipe33")
 
 
 def test_an_unknown_file_is_told_what_can_be_read(tmp_path: Path) -> None:
     file = tmp_path / "points.json"
     file.write_text('[{"joints": 3}]')
-    with pytest.raises(ValueError, match=r"formats\.md lists .*`format` and `layout` in action"):
+    with pytest.raises(ValueError, match=r"`imocap formats` lists .*`format` and `layout` in act"):
         guess_detections(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.slp", "is SLEAP's project; export its analysis"),
+        ("a.trc", "is a file of 3D motion"),
+        ("results.pkl", "a monocular estimate is given as `initial`"),
+        ("a.mp4", "write `keypoints: detect`"),
+    ],
+)
+def test_files_of_other_kinds_are_called_by_their_names(
+    name: str, message: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(b"something")
+    with pytest.raises(ValueError, match=message):
+        guess_detections(tmp_path / name)
+
+
+def test_a_folder_of_cameras_is_asked_for_one(tmp_path: Path) -> None:
+    for camera in ("01", "02"):
+        (tmp_path / camera).mkdir()
+        (tmp_path / camera / "000000.json").write_text("{}")
+    with pytest.raises(ValueError, match="found folders of them; name one: 01, 02"):
+        guess_detections(tmp_path)
+
+
+def test_numbered_points_of_others_are_not_mediapipes(tmp_path: Path) -> None:
+    """In a table with a row a point, 17 points are no part of MediaPipe's 33."""
+    rows = [f"{t},{k},{10 * k},{t},0.9" for t in range(3) for k in range(17)]
+    file = tmp_path / "points.csv"
+    file.write_text("\n".join(["frame,keypoint,x,y,score", *rows]))
+    with pytest.raises(ValueError, match="expected MediaPipe's 33 landmarks by number or name"):
+        read_mediapipe(file, "mediapipe33", (640, 360))

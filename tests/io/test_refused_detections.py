@@ -40,7 +40,7 @@ def test_a_file_of_something_else_is_refused(case: str, content: str, tmp_path: 
         format_and_layout(path, None, None)
 
 
-NAMED = [n for n in FILES if CASES[n][1] in ("deeplabcut", "sleap") or "csv" in n]
+NAMED = [n for n in FILES if CASES[n][1] in ("deeplabcut", "sleap", "tfjs") or "csv" in n]
 
 
 @pytest.mark.parametrize("case", [n for n in FILES if n not in NAMED])
@@ -68,9 +68,8 @@ def test_nobody_in_the_whole_file_is_refused(case: str, tmp_path: Path) -> None:
     for in_frame in unseen.values():
         in_frame[0][:, 2] = 0.0
     path = write(tmp_path, unseen)
-    if kind in ("alphapose", "coco", "mmpose", "ultralytics", "mediapipe", "sleap") and (
-        path.suffix != ".csv" or kind == "sleap"
-    ):
+    kinds = ("alphapose", "coco", "mmpose", "ultralytics", "mediapipe", "sleap", "openpose", "tfjs")
+    if kind in kinds and (path.suffix != ".csv" or kind == "sleap"):
         assert all(np.isnan(p[..., 0]).all() for p in read(path, kind, layout).people)
     else:
         assert "at least one person" in refused(path, kind, layout)

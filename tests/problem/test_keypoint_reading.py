@@ -129,6 +129,19 @@ def test_keypoints_at_another_rate(clip: Path, rate: Fraction, first: int) -> No
     assert np.nanmax(np.abs(xy - joints(FRAMES))) < 1.5  # straight between two
 
 
+@pytest.mark.parametrize(("step", "first"), [(2, 0), (3, 0), (2, 1)])
+def test_every_second_or_third_frame_under_its_number(clip: Path, step: int, first: int) -> None:
+    time = FRAMES[::step]
+    time = np.delete(time, 5)  # nobody was detected there
+    reading, xy = read(detected(time, time + first), clip)
+    assert reading.words[-1] == (
+        f"the keypoints are of every {'2nd' if step == 2 else '3rd'} frame: the others are between "
+        "these"
+    )
+    assert np.allclose(xy[time], joints(time))
+    assert np.nanmax(np.abs(xy - joints(FRAMES))[: 4 * step]) < 1.5  # straight between two
+
+
 def test_a_clip_of_a_longer_video_that_was_detected_whole(clip: Path) -> None:
     reading, xy = read(detected(np.arange(90)), clip)
     assert np.allclose(xy, joints(FRAMES))

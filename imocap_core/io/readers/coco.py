@@ -1,4 +1,4 @@
-"""Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics.
+"""Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics, TensorFlow.js.
 
 COCO's results: one JSON list per clip with one entry per person and frame. Each entry has
 ``image_id`` (here the frame number, or a picture's name that ends in it), ``keypoints`` (x, y,
@@ -25,15 +25,21 @@ MMPose: the predictions of one clip as one JSON file. Its demos write ``meta_inf
 ``keypoint_scores``. The demos count frames from 1, the inferencer from 0: a list that starts at
 frame 1 and skips none counts from 1. Boxes and their scores are not used.
 
-What the inferencer returns, saved as it is, is a list of frames that are lists of people; of a
-folder of pictures it writes one such list a file.
+What the inferencer returns, saved as it is, is a list of frames that are lists of people, or a
+``predictions`` or a list of one such list; of a folder of pictures it writes one such list a file.
 
 Ultralytics' pose models (YOLO): results saved as JSON, or the labels that ``save_txt`` writes.
 JSON: a list with one entry a frame, what ``summary()`` or ``to_json()`` of its result gives: a list
 of people (or its text) with ``keypoints`` {x, y, visible}, pixels or shares of the picture. Labels:
-a folder with a file a frame that has people, ``NAME_1.txt`` of the first frame of a video; each row
-is a class, a box and x, y (, confidence) of the points as shares, then possibly a confidence and a
-track. Boxes and tracks are not used.
+a folder with a file a frame that has people, ``NAME_1.txt`` of the first frame of a video; each
+row is a class, a box and x, y (, confidence) of the points as shares, then possibly a confidence
+and a track. Boxes and tracks are not used.
+
+TensorFlow.js' pose detection (MoveNet, BlazePose, PoseNet): its results, saved as JSON.
+
+A list with one entry a frame, a list of people or a person, each with ``keypoints``: a list of {x,
+y, score, name}, or PoseNet's {position: {x, y}, score, part}, in pixels. Points are assigned to the
+layout by their names.
 """
 
 from __future__ import annotations
@@ -53,6 +59,7 @@ from imocap_core.io.readers.people import (
     detections,
     flat_points,
     frame_number,
+    matched_columns,
     must_have_layout,
     numbered_contents,
     numbered_files,
@@ -160,6 +167,7 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
     people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
     for i, entry in enumerate(listed):
         where = f"{path}: [{i}]"
+        entry = people_of(entry)
         entry = {"instances": entry} if isinstance(entry, list) else entry
         instances = entry.get("instances") if isinstance(entry, dict) else None
         if not isinstance(instances, list):
@@ -216,13 +224,15 @@ def read_ultralytics(path: Path, layout: str) -> DetectedPeople:
 
 
 def people_of(entry: Any) -> Any:
-    """The people of a frame, whose entry may be text."""
+    """The people of a frame, whose entry may be text, `predictions`, or a list of their list."""
     if isinstance(entry, str):
         try:
             return json.loads(entry)
         except (ValueError, RecursionError):
             return None
-    return entry
+    entry = entry["predictions"] if isinstance(entry, dict) and "predictions" in entry else entry
+    nested = isinstance(entry, list) and len(entry) == 1 and isinstance(entry[0], list)
+    return entry[0] if nested else entry
 
 
 def is_person(entry: Any) -> bool:
@@ -299,3 +309,44 @@ def _row(row: list[float], count: int, where: str) -> Float[np.ndarray, "K 3"]:
             f"pose model, and check `layout` in action.yaml"
         )
     return person
+
+
+TFJS_LAYOUTS = ("coco17", "mediapipe33")
+
+
+def read_tfjs(path: Path, layout: str) -> DetectedPeople:
+    """All people of all frames. ValueError names file, field, expected and got."""
+    must_have_layout(TFJS_LAYOUTS, layout, "TensorFlow.js", path)
+    people = {
+        frame: [
+            _named_points(person["keypoints"], layout, f"{path}: [{frame}][{n}]")
+            for n, person in enumerate(tfjs_people(entry))
+        ]
+        for frame, entry in enumerate(frames_of(read_json(path), path))
+    }
+    return detections(people, layout, path)
+
+
+def tfjs_people(entry: Any) -> list[dict[str, Any]]:
+    """The people of a frame's entry who have named points."""
+    listed = entry if isinstance(entry, list) else [entry]
+    return [p for p in listed if isinstance(p, dict) and tfjs_names(p.get("keypoints"))]
+
+
+def tfjs_names(points: Any) -> list[str]:
+    """The names of a person's points; none where they have none."""
+    if not isinstance(points, list) or not all(isinstance(p, dict) for p in points):
+        return []
+    names = [p.get("name", p.get("part")) for p in points]
+    return names if all(isinstance(name, str) for name in names) else []
+
+
+def _named_points(listed: list[Any], layout: str, where: str) -> Float[np.ndarray, "K 3"]:
+    table = np.full((len(layout_names(layout)), 3), np.nan)
+    for column, n in matched_columns(tfjs_names(listed), layout, where).items():
+        place = listed[n].get("position", listed[n])
+        try:
+            table[column] = [place["x"], place["y"], listed[n].get("score", 1.0)]
+        except (TypeError, ValueError, LookupError):
+            raise ValueError(f"{where}: expected x, y and score, got {short(listed[n])}") from None
+    return cleaned(table)

@@ -8,7 +8,8 @@ count from 0. A person who is not in a frame is NaN, or has no score above 0.
 
 An npy file is `keypoints` alone; without scores every finite point counts as certain. FreeMoCap's
 2D data is of this kind, (cameras, T, points, 2) with MediaPipe's 33 body points first: of several
-cameras each video needs its own part.
+cameras each video needs its own part. A CSV has a row a frame and the columns x0, y0, c0, ... or
+left_knee_x, ...
 
 VideoPose3D's 2D keypoints: `data_2d_*.npz`, `positions_2d` of many clips in one file. As its page
 on datasets describes: ``positions_2d`` is {subject: {action: [(T, 17, 2) pixels, one per camera]}}
@@ -40,8 +41,10 @@ from jaxtyping import Float, Shaped
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.array_files import read_object
 from imocap_core.io.npz import load_arrays, numbers
+from imocap_core.io.readers.deeplabcut import read_csv
 from imocap_core.io.readers.estimates import field
 from imocap_core.io.readers.joint_estimators import NAMES, POINTS_2D, saved_people
+from imocap_core.io.readers.mediapipe import points_of_csv
 from imocap_core.io.readers.people import (
     LAYOUT_OF_COUNT,
     DetectedPeople,
@@ -53,16 +56,22 @@ from imocap_core.io.readers.people import (
 
 OF_MEDIAPIPE = ("mediapipe33", "blazepose33")
 WITH_HANDS = 75  # points: MediaPipe's body and two hands, or more
+_CAMERAS = (
+    "{}: expected the points of one camera, frames first, got {} times {}, as FreeMoCap's 2D data "
+    "of several cameras; save each camera's own: numpy.save('v1.npy', numpy.load(FILE)[0])"
+)
 
 
 def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames. ValueError names file, field, expected and got."""
-    arrays = load_arrays(path)
+    arrays = _of_csv(path) if path.suffix.lower() == ".csv" else load_arrays(path)
     if path.suffix.lower() == ".npy":
         arrays = _of_npy(arrays["keypoints"], layout, path)
     one_person = "keypoints" in arrays and arrays["keypoints"].ndim == 3
     dims = ("T", "K") if one_person else ("T", "P", "K")
     table = numbers(arrays, "keypoints", (*dims, "2 or 3"), path)
+    if not one_person and len(table) < table.shape[1]:
+        raise ValueError(_CAMERAS.format(path, *table.shape[:2]))
     count, got = len(layout_names(layout)), table.shape[-2]
     if got != count:
         fitting = LAYOUT_OF_COUNT.get(got)
@@ -89,6 +98,16 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     return detections(present, layout, path)
 
 
+def _of_csv(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
+    points = points_of_csv(path)
+    if points is None:
+        raise ValueError(
+            f"{path}: expected a row a frame with columns x0, y0, c0, ... or left_knee_x, ..., got "
+            f"{', '.join(read_csv(path)[0]):.80}"
+        )
+    return points[0]
+
+
 def _of_npy(
     table: Shaped[np.ndarray, "..."], layout: str, path: Path
 ) -> dict[str, Shaped[np.ndarray, "..."]]:
@@ -96,10 +115,7 @@ def _of_npy(
     if table.ndim == 4 and len(table) == 1 and layout in OF_MEDIAPIPE:
         table = table[0]
     if table.ndim == 4 and table.shape[2] >= WITH_HANDS and layout in OF_MEDIAPIPE:
-        raise ValueError(
-            f"{path}: expected the points of one camera, got those of {len(table)} (FreeMoCap's "
-            f"2D data); save each camera's own: numpy.save('v1.npy', numpy.load(FILE)[0])"
-        )
+        raise ValueError(_CAMERAS.format(path, *table.shape[:2]))
     if table.dtype.kind not in "fiu" or table.ndim not in (3, 4):
         raise ValueError(
             f"{path}: expected an array (frames, points, 2 or 3), got {table.dtype} {table.shape}"

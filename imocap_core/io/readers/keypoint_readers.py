@@ -20,8 +20,11 @@ from imocap_core.io.readers.coco import (
     read_alphapose,
     read_coco,
     read_mmpose,
+    read_tfjs,
     read_ultralytics,
     rows_of,
+    tfjs_names,
+    tfjs_people,
 )
 from imocap_core.io.readers.deeplabcut import (
     FRAME,
@@ -43,8 +46,10 @@ from imocap_core.io.readers.keypoint_arrays import (
 from imocap_core.io.readers.mediapipe import (
     PICTURE,
     WORLD,
+    is_landmarks,
     is_long,
     landmark_columns,
+    points_of_csv,
     read_mediapipe,
 )
 from imocap_core.io.readers.openpose import read_easymocap, read_openpose
@@ -99,6 +104,9 @@ def _guess_json(path: Path) -> Guess:
         return kind
     if is_sam3d(listed):
         return "sam3d_body", SAM3D_LAYOUT, []
+    if isinstance(first.get("people"), list):
+        of_frames = [e for e in listed if isinstance(e, dict) and isinstance(e.get("people"), list)]
+        return "openpose", None, list(_people(of_frames[:PEOPLE_LOOKED_AT]))
     if "image_id" in first:
         alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
         layout = "wholebody133" if "foot_kpts" in first else None
@@ -137,6 +145,10 @@ def guess_labels(files: Sequence[Path]) -> Guess:
 def _of_lists(frames: Sequence[Any]) -> Guess | None:
     """Of frames that are lists of people: MMPose's or Ultralytics' results as they are."""
     entries = [people_of(entry) for entry in frames[:PEOPLE_LOOKED_AT]]
+    if any(is_landmarks(person) for entry in entries for person in (entry, *_list(entry))):
+        return "mediapipe", "mediapipe33", []
+    if named := [person for entry in entries for person in tfjs_people(entry)]:
+        return "tfjs", best_layout(tfjs_names(named[0]["keypoints"])), []
     people = [person for entry in entries if isinstance(entry, list) for person in entry]
     if any(is_person(person) for person in people):
         tables = [p["keypoints"] for p in people if is_person(p)]
@@ -145,6 +157,10 @@ def _of_lists(frames: Sequence[Any]) -> Guess | None:
     if any(isinstance(p, dict) and "keypoint_scores" in p for p in people):
         return "mmpose", None, list(_mmpose([{"instances": people}]))
     return None
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
 
 
 def _by_picture(content: dict[str, Any]) -> list[Person]:
@@ -222,9 +238,12 @@ def _guess_csv(path: Path) -> Guess:
         return "deeplabcut", best_layout(body_parts(path)), []
     if FRAME in heading and any(cell.endswith(".x") for cell in heading):
         return "sleap", best_layout(nodes(path)), []
-    if is_long(heading) or landmark_columns(heading) is not None:
+    if is_long(heading):
         return "mediapipe", "mediapipe33", []
-    return None, None, []
+    if (points := points_of_csv(path)) is not None:
+        return "npz", points[1], list(points[0]["keypoints"][:PEOPLE_LOOKED_AT])
+    of_mediapipe = landmark_columns(heading) is not None
+    return ("mediapipe", "mediapipe33", []) if of_mediapipe else (None, None, [])
 
 
 def _guess_h5(path: Path) -> Guess:
@@ -236,6 +255,23 @@ def _guess_h5(path: Path) -> Guess:
 
 FILES_LOOKED_AT = 60
 TELL = "say which with `format` and `layout` in action.yaml (imocap sync: --format and --layout)"
+UNKNOWN = (
+    f"the format is unknown: `imocap formats` lists those that are read; {TELL}, or save the "
+    "points as an npz with keypoints (frames, people, points, 3)"
+)
+_MOTION = "is a file of 3D motion, and 2D keypoints are expected, which its detector can save"
+_RESULT = (
+    "is no detector's file; a monocular estimate is given as `initial`, beside 2D keypoints (SAM "
+    "3D Body's may be these, too, with `format: sam3d_body`)"
+)
+_VIDEO = "is a video; name it as `video` and write `keypoints: detect`"
+OTHERS = {  # what files that are not read are, by their suffix
+    **dict.fromkeys((".trc", ".c3d", ".bvh", ".mot", ".fbx"), _MOTION),
+    **dict.fromkeys((".pkl", ".pickle", ".pt", ".pth", ".joblib"), _RESULT),
+    **dict.fromkeys((".mp4", ".mov", ".avi", ".mkv", ".webm"), _VIDEO),
+    ".slp": "is SLEAP's project; export its analysis as CSV or HDF5 (SLEAP: File, Export Analysis)",
+    ".xml": "is an annotation; export it as COCO keypoints (CVAT: COCO Keypoints 1.0)",
+}
 MIN_MISFIT_RATIO = 2.0  # of the second best layout to the best, to accept the best
 COUNTS = {
     17: ("coco17",),
@@ -270,10 +306,7 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
     else:
         kind, file_layout, people = guess_file(path)
     if kind is None:
-        raise ValueError(
-            f"{path}: the format is unknown: docs/formats.md lists those that are read; {TELL}, or "
-            f"save the points as an npz with keypoints (frames, people, points, 3)"
-        )
+        raise ValueError(f"{path}: {OTHERS.get(path.suffix.lower(), UNKNOWN)}")
     if not (layout or file_layout or people or path.is_dir()):
         raise ValueError(
             f"{path}: the format is {kind}, but the file does not tell the layout; {TELL}"
@@ -287,9 +320,10 @@ def _guess_folder(path: Path) -> Guess:
     if not files and labels:
         return guess_labels(labels[:: max(1, len(labels) // FILES_LOOKED_AT)])
     if not files:
+        inside = sorted(f.name for f in path.iterdir() if f.is_dir() and frame_files(f))
         raise ValueError(
             f"{path}: expected a folder with one JSON file per frame, as OpenPose writes it, found "
-            "no .json file"
+            + (f"folders of them; name one: {', '.join(inside[:6])}" if inside else "no .json file")
         )
     step = max(1, len(files) // FILES_LOOKED_AT)
     contents = [read_json(file) for file in files[::step]]
@@ -371,6 +405,7 @@ READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "coco": read_coco,
     "easymocap": read_easymocap,
     "ultralytics": read_ultralytics,
+    "tfjs": read_tfjs,
     "npz": read_keypoints_npz,
     "deeplabcut": read_deeplabcut,
     "sleap": read_sleap,

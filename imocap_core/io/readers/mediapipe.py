@@ -1,13 +1,15 @@
 """MediaPipe: 33 landmarks as JSON, npz or CSV, and Holistic's hands.
 
-MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz. MediaPipe returns landmarks and
-leaves saving to its user. Accepted: a JSON list (or ``frames``: list) with one entry per frame, in
-the names of its results: ``pose_landmarks`` (or ``landmarks``, ``poseLandmarks``) and
-``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a list of 33 {x, y, z,
-visibility}, or a list of people with such a list each (as its newer tasks return); ``frame`` is the
-frame number, without which frames count from 0. Or an npz with arrays of these names (T, 33, 3 to
-5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and, optionally, ``frames`` (T,). Or
-a CSV of the picture's landmarks (`mediapipe_csv`).
+MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz.
+
+MediaPipe returns landmarks and leaves saving to its user. Accepted: a JSON list (or ``frames``:
+list) with one entry per frame, in the names of its results: ``pose_landmarks`` (or ``landmarks``,
+``poseLandmarks``) and ``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a
+list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
+return); ``frame`` is the frame number, without which frames count from 0. An entry may also be such
+a list itself. Or an npz with arrays
+of these names (T, 33, 3 to 5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and,
+optionally, ``frames`` (T,). Or a CSV of the picture's landmarks (`mediapipe_csv`).
 
 As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
 taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
@@ -36,8 +38,11 @@ from imocap_core.io.readers.estimates import Entries, PerformerBoxes, performer_
 from imocap_core.io.readers.joint_estimators import JointsEstimate
 from imocap_core.io.readers.people import (
     LARGEST,
+    LAYOUT_OF_COUNT,
     DetectedPeople,
+    best_layout,
     cleaned,
+    columns_of,
     detections,
     frame_number,
     plain_name,
@@ -133,6 +138,7 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Land
         where = f"{path}: [{i}]"
         if entry is None:
             continue
+        entry = {PICTURE[0]: entry} if isinstance(entry, list) else entry
         if not isinstance(entry, dict):
             raise ValueError(f"{where}: expected one frame's fields, got {type_name(entry)}")
         number = next((entry[n] for n in ("frame", "frame_id", "frame_index") if n in entry), i)
@@ -143,6 +149,15 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Land
             have = ", ".join(map(str, entry)) or "nothing"
             raise ValueError(f"{where}: expected {names[0]}, it is missing; has: {have:.60}")
         yield frame_number(number, where), list(_people(entry[name], f"{where}.{name}"))
+
+
+def is_landmarks(person: Any) -> bool:
+    """Whether an entry is the list of a person's landmarks."""
+    return (
+        isinstance(person, list)
+        and len(person) == POINTS
+        and all(isinstance(p, dict) and {"x", "y"} <= set(p) for p in person)
+    )
 
 
 def _people(listed: Any, where: str) -> Iterator[Landmarks]:
@@ -200,7 +215,9 @@ def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, li
 FRAME = ("frame", "frame_id", "frame_index", "frame_idx", "frame_number", "frame_num", "frame_no")
 LANDMARK = ("landmark", "landmark_id", "landmark_index", "landmark_idx", "landmark_name", "id",
             "index", "idx", "point", "joint", "name", "keypoint")  # fmt: skip
-AXES = {"x": 0, "y": 1, "z": 2, "v": 3, "vis": 3, "visibility": 3, "score": 3, "confidence": 3}
+AXES = {"x": 0, "y": 1, "z": 2} | dict.fromkeys(
+    ("v", "vis", "visibility", "score", "c", "conf", "confidence", "likelihood"), 3
+)
 _AXIS = "|".join(sorted(AXES, key=len, reverse=True))
 _AXIS_FIRST = re.compile(rf"({_AXIS})[_ .]?(\d+)")
 _AXIS_LAST = re.compile(rf"(.*?)[_ .]({_AXIS})")
@@ -208,6 +225,15 @@ _AXIS_LAST = re.compile(rf"(.*?)[_ .]({_AXIS})")
 
 def landmark_columns(heading: Sequence[str]) -> dict[tuple[int, int], int] | None:
     """(landmark, axis) -> column, of a heading with one row a frame; None for another heading."""
+    matches = _cells(heading)
+    places = _landmarks([name for name, _, _ in matches])
+    columns = {(places[n], axis): column for n, axis, column in matches if n in places}
+    both = [k for k in range(POINTS) if (k, 0) in columns and (k, 1) in columns]
+    return columns if len(both) >= POINTS // 2 else None
+
+
+def _cells(heading: Sequence[str]) -> list[tuple[str, int, int]]:
+    """(point, axis, column) of the cells of a heading that name a point's coordinate."""
     matches: list[tuple[str, int, int]] = []
     for column, cell in enumerate(heading):
         cell = cell.strip().lower()
@@ -215,10 +241,48 @@ def landmark_columns(heading: Sequence[str]) -> dict[tuple[int, int], int] | Non
             matches.append((match[2], AXES[match[1]], column))
         elif match := _AXIS_LAST.fullmatch(cell):
             matches.append((match[1], AXES[match[2]], column))
-    places = _landmarks([name for name, _, _ in matches])
-    columns = {(places[n], axis): column for n, axis, column in matches if n in places}
-    both = [k for k in range(POINTS) if (k, 0) in columns and (k, 1) in columns]
-    return columns if len(both) >= POINTS // 2 else None
+    return matches
+
+
+def points_of_csv(path: Path) -> tuple[dict[str, Float[np.ndarray, "..."]], str | None] | None:
+    """Points of another layout, from a CSV with a row a frame: the arrays keypoints (T, K, 3) and
+    frames (T,), and the layout where names tell it; None for a CSV of MediaPipe's or of others.
+
+    As many numbered points as the layout has, or points with the names of its parts.
+    """
+    heading, *rows = read_csv(path)
+    heading = [cell.strip().lower() for cell in heading]
+    cells = _cells(heading)
+    layout, places = _other_layout(cells)
+    if not places:
+        return None
+    count = len(places) if layout is None else len(layout_names(layout))
+    table = np.full((len(rows), count, 3), np.nan)
+    table[..., 2] = 1.0
+    frames = np.arange(len(rows))
+    number = next((heading.index(name) for name in FRAME if name in heading), None)
+    for n, row in enumerate(rows):
+        where = f"{path}: row {n + 2}"
+        _must_be_whole(row, heading, where)
+        frames[n] = n if number is None else frame_number(_number(row[number], where), where)
+        for name, axis, column in cells:
+            if axis != AXES["z"] and name in places:
+                table[n, places[name], min(axis, 2)] = _number(row[column], where)
+    return {"keypoints": table, "frames": frames}, layout
+
+
+def _other_layout(cells: Sequence[tuple[str, int, int]]) -> tuple[str | None, dict[str, int]]:
+    """The layout where names tell it, and the place of each point's name; none for MediaPipe's."""
+    names = list(dict.fromkeys(name for name, axis, _ in cells if axis == 0))
+    digits = {name: int(m[0]) for name in names if (m := re.search(r"\d{1,4}$", name))}
+    first = min(digits.values(), default=0)
+    if len(names) == len(digits) and len(names) != POINTS and len(names) in LAYOUT_OF_COUNT:
+        places = {name: n - first for name, n in digits.items()}
+        return None, places if sorted(places.values()) == list(range(len(names))) else {}
+    layout = best_layout(names)
+    if layout in (None, LAYOUT) or any(axis == AXES["z"] for _, axis, _ in cells):
+        return None, {}
+    return layout, {names[n]: column for column, n in columns_of(names, layout).items()}
 
 
 def is_long(heading: Sequence[str]) -> bool:
@@ -258,9 +322,13 @@ def _long(
     frame, landmark = (
         next(position[n] for n in names if n in position) for names in (FRAME, LANDMARK)
     )
-    places = _landmarks(
-        list(dict.fromkeys(row[landmark] for row in rows[1:] if len(row) > landmark))
-    )
+    names = list(dict.fromkeys(row[landmark] for row in rows[1:] if len(row) > landmark))
+    places = _landmarks(names)
+    if not places:
+        raise ValueError(
+            f"{path}: expected MediaPipe's {POINTS} landmarks by number or name, got "
+            f"{', '.join(names):.60}; save other points as an npz or a CSV with a row a frame"
+        )
     axes = [(axis, position[name]) for name, axis in AXES.items() if name in position]
     frames: dict[int, Float[np.ndarray, "33 4"]] = {}
     for n, row in enumerate(rows[1:], start=2):
@@ -278,8 +346,10 @@ def _landmarks(names: Sequence[str]) -> Mapping[str, int]:
     """Landmark of each name: a number, from 0 or 1, or a part of the body."""
     digits = {n: re.findall(r"\d+", n)[-1] for n in names if re.search(r"\d+$", n.strip())}
     numbers = {name: int(d) for name, d in digits.items() if len(d) < 3}
-    if len(set(numbers.values())) >= POINTS // 2:
-        first = 1 if min(numbers.values()) >= 1 and POINTS in numbers.values() else 0
+    first = 1 if numbers and min(numbers.values()) >= 1 and POINTS in numbers.values() else 0
+    of_others = len(digits) != POINTS and len(digits) in LAYOUT_OF_COUNT
+    many = len(set(numbers.values())) >= POINTS // 2 and POINTS - 1 + first in numbers.values()
+    if many and not of_others:
         return {name: n - first for name, n in numbers.items() if 0 <= n - first < POINTS}
     places = {plain_name(name): k for k, name in enumerate(layout_names("mediapipe33"))}
     return {name: places[plain_name(name)] for name in names if plain_name(name) in places}

@@ -1,5 +1,12 @@
 """A folder with one JSON file a frame: OpenPose, with hands, and EasyMocap.
 
+OpenPose: a folder with one JSON file per frame, each with any number of people. Or one file with
+the list of all frames, as DWPose's and other nodes of ComfyUI save it.
+
+OpenPose's hands: `hand_left_keypoints_2d` and `hand_right_keypoints_2d` of one person.
+
+EasyMocap: a folder ``annots/CAMERA`` with one JSON file a frame.
+
 Each file has ``annots``, a list of people with ``keypoints`` [[x, y, confidence], ...] (BODY_25
 unless another model was chosen); boxes, ids, hands and faces are not used.
 """
@@ -37,18 +44,19 @@ def read_openpose(folder: Path, layout: str) -> DetectedPeople:
     if layout not in POINTS:
         layouts = ", ".join(POINTS)
         raise ValueError(f"{folder}: OpenPose layouts are {layouts}, got {layout!r} in action.yaml")
-    if not folder.is_dir():
+    if not folder.exists():
         raise ValueError(
-            f"{folder}: expected a folder with one OpenPose JSON file per frame, found none; "
-            "check `keypoints` in action.yaml"
+            f"{folder}: expected a folder with one OpenPose JSON file per frame, found none (no "
+            "such file or folder); check `keypoints` in action.yaml"
         )
-    files = numbered_files(folder)
     people, faults = {}, []
-    for number, file in sorted(files.items()):
+    for number, (content, where) in _frames(folder).items():
         try:
-            people[number] = _read_frame(file, layout)
+            people[number] = _read_frame(content, layout, where)
         except ValueError as fault:
             faults.append(str(fault))
+    if faults and folder.is_file():
+        raise ValueError(faults[0])
     if faults:
         more = len(faults) - _FAULTS_SHOWN
         shown = faults[:_FAULTS_SHOWN] + ([f"and {more} more such files"] if more > 0 else [])
@@ -56,19 +64,39 @@ def read_openpose(folder: Path, layout: str) -> DetectedPeople:
     return DetectedPeople(np.array(sorted(people), dtype=np.int64), tuple(people.values()))
 
 
-def _read_frame(file: Path, layout: str) -> Float[np.ndarray, "P K 3"]:
-    content = read_json(file)
+def _frames(path: Path) -> dict[int, tuple[Any, str]]:
+    """Frame number -> its file or its content, and what messages call it."""
+    if path.is_dir():
+        return {number: (file, str(file)) for number, file in numbered_files(path).items()}
+    listed = read_json(path)
+    if not isinstance(listed, list):
+        raise ValueError(
+            f"{path}: expected a folder with one OpenPose JSON file per frame, or one file with a "
+            f"list of all frames, got {type_name(listed)}; check `keypoints` in action.yaml"
+        )
+    return {number: (content, f"{path}: [{number}]") for number, content in enumerate(listed)}
+
+
+def _people(content: Any, where: str) -> list[Any]:
+    """The people of one frame, from its file or as they are."""
+    content = read_json(content) if isinstance(content, Path) else content
     people = content.get("people") if isinstance(content, dict) else None
     if not isinstance(people, list):
-        raise ValueError(f"{file}: people: expected a list of people, got {type_name(people)}")
-    bodies = [_read_person(file, i, person, layout) for i, person in enumerate(people)]
+        raise ValueError(f"{where}: people: expected a list of people, got {type_name(people)}")
+    return people
+
+
+def _read_frame(content: Any, layout: str, where: str) -> Float[np.ndarray, "P K 3"]:
+    bodies = [
+        _read_person(person, layout, f"{where}: people[{i}].pose_keypoints_2d")
+        for i, person in enumerate(_people(content, where))
+    ]
     present = [body for body in bodies if body is not None]
     return np.stack(present) if present else np.zeros((0, POINTS[layout], 3))
 
 
-def _read_person(file: Path, i: int, person: Any, layout: str) -> Float[np.ndarray, "K 3"] | None:
+def _read_person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"] | None:
     """The points, or None for a person without a body (OpenPose then writes an empty list)."""
-    where = f"{file}: people[{i}].pose_keypoints_2d"
     values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
     if not isinstance(values, list):
         raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
@@ -101,7 +129,7 @@ def read_openpose_hands(
     """The hands of the person whose body is given: pixels and confidence.
 
     Args:
-        folder: one JSON file per frame, the one that `read_openpose` read.
+        folder: the one that `read_openpose` read.
         frames: source frame numbers.
         body_xy_px: the person's body from `read_openpose`, NaN where missing.
 
@@ -111,15 +139,18 @@ def read_openpose_hands(
     Raises:
         ValueError: file, field, expected, got.
     """
-    files = numbered_files(folder)
+    contents = _frames(folder)
     hands = np.full((len(frames), 2, HAND_POINTS, 3), (np.nan, np.nan, 0.0))
     for t, frame in enumerate(frames.tolist()):
-        if frame not in files or not np.isfinite(body_xy_px[t]).any():
+        if frame not in contents or not np.isfinite(body_xy_px[t]).any():
             continue
-        people = read_json(files[frame])["people"]
+        content, where = contents[frame]
+        people = _people(content, where)
         k = _nearest(people, body_xy_px[t])
         if k is not None:
-            hands[t] = [_hand(files[frame], k, people[k], field) for field in FIELDS]
+            hands[t] = [
+                _hand(people[k], field, f"{where}: people[{k}].{field}") for field in FIELDS
+            ]
     if not (hands[..., 2] > 0).any():
         return None
     return hands[..., :2], hands[..., 2]
@@ -141,10 +172,9 @@ def _nearest(people: list[Any], body: Float[np.ndarray, "K 2"]) -> int | None:
     return best
 
 
-def _hand(file: Path, k: int, person: dict[str, Any], field: str) -> Float[np.ndarray, "21 3"]:
+def _hand(person: dict[str, Any], field: str, where: str) -> Float[np.ndarray, "21 3"]:
     """One hand; a person without the field, or with an empty list, has no such hand."""
     values = person.get(field) or []
-    where = f"{file}: people[{k}].{field}"
     nothing = np.full((HAND_POINTS, 3), (np.nan, np.nan, 0.0))
     if not isinstance(values, list) or len(values) not in (0, 3 * HAND_POINTS):
         got = len(values) if isinstance(values, list) else type(values).__name__

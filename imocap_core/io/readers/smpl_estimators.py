@@ -16,12 +16,16 @@ rotation matrices, the root's in camera axes; ``cams``, ``joints``, ``kps``, ``s
 and ``omegas`` are not used. The file has no frame numbers: N is the number of used frames, or of
 all frames of the video.
 
-GVHMR: `hmr4d_results.pt`, and GEM: `smpl_params.pt`; one person's motion, saved with torch.
-``smpl_params_incam`` (GVHMR) or ``body_params_incam`` (GEM with the body SMPL) has
-``global_orient`` (N, 3) and ``body_pose`` (N, 63), axis-angle, in camera axes: pelvis and the 21
-joints that SMPL-X shares with SMPL (SMPL's hands stay at rest); one row per frame of the video.
-``transl``, ``betas``, the world's parameters, the camera and the network's other outputs are not
-used. The file is read with torch's restricted reader.
+GVHMR: `hmr4d_results.pt`, GEM: `smpl_params.pt`, GEM-X: `hpe_results.pt`; one person's motion,
+saved with torch.
+
+``smpl_params_incam`` (GVHMR) or ``body_params_incam`` (GEM) has ``global_orient`` (N, 3) and
+``body_pose`` (N, 63), axis-angle, in camera axes: pelvis and the 21 joints that SMPL-X shares with
+SMPL (SMPL's hands stay at rest); one row per frame of the video. GEM-X's body is SOMA:
+``body_pose`` (N, 228), 76 joints, of which 21 are SMPL's. SOMA's rotations are SMPL's, too:
+against the parent, in the axes of the T pose, which faces +z with y up. ``transl``, shape, the
+world's parameters, the camera and the network's other outputs are not used. The file is read with
+torch's restricted reader.
 
 TRAM: `hps/hps_track_0.npy` (and further tracks), one person each, saved by its script.
 ``pred_rotmat`` (N, 24, 3, 3) are rotation matrices in camera axes and ``frame`` (N,) the frame
@@ -119,7 +123,15 @@ def read_hmmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 
 
 
 GVHMR, GEM = "smpl_params_incam", "body_params_incam"
-SMPL_BODY = 63
+SMPL_BODY, SOMA_BODY = 63, 228
+SOMA_NECK2 = 5
+# Of SMPL's first 22 joints the one of SOMA's 77 whose parent is the same bone's: Hips, LeftLeg,
+# RightLeg, Spine1, LeftShin, ... ; between Neck1 and Head lies Neck2.
+SOMA_OF_SMPL = (
+    *(0, 67, 72, 1, 68, 73, 2, 69, 74, 3, 70, 75, 4, 11, 39, 6),
+    *(12, 40, 13, 41, 14, 42),
+)
+SMPL_HEAD = 15
 
 
 def read_gvhmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
@@ -128,7 +140,7 @@ def read_gvhmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24
 
 
 def read_gem(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
-    """As `read_gvhmr`. ValueError for GEM's other body (SOMA), whose joints are not SMPL's."""
+    """As `read_gvhmr`, of either body of GEM's, SMPL or SOMA."""
     return _one_person(path, GEM, performer)
 
 
@@ -139,14 +151,24 @@ def _one_person(path: Path, group: str, performer: PerformerBoxes) -> Float[np.n
         raise ValueError(f"{path}: expected a dictionary with {group}, got {got:.80}")
     where = f"{path}: {group}"
     body = field(content[group], "body_pose", ("N", "D"), where)
-    if body.shape[1] != SMPL_BODY:
+    if body.shape[1] not in (SMPL_BODY, SOMA_BODY):
         raise ValueError(
-            f"{where}: body_pose: expected (N, {SMPL_BODY}), SMPL's body joints, got {body.shape}; "
-            "of another body model (SOMA) export SMPL, or give joints (joints_npz)"
+            f"{where}: body_pose: expected (N, {SMPL_BODY}) of SMPL or (N, {SOMA_BODY}) of SOMA, "
+            f"got {body.shape}; of another body model give joints (joints_npz)"
         )
     root = field(content[group], "global_orient", (len(body), 3), where)
     rows = rows_for_frames({}, len(body), performer.frames, path)
-    return from_vectors(np.concatenate([root, body], axis=1)[rows])
+    vectors = np.concatenate([root, body], axis=1)[rows]
+    return from_vectors(vectors) if body.shape[1] == SMPL_BODY else _of_soma(vectors)
+
+
+def _of_soma(vectors: Float[np.ndarray, "N 231"]) -> Float[np.ndarray, "N 24 3 3"]:
+    """SMPL's joint rotations of those of SOMA's 77 joints."""
+    soma = vectors.reshape(len(vectors), -1, 3)
+    rotations = from_vectors(soma[:, SOMA_OF_SMPL].reshape(len(vectors), -1))
+    neck2 = from_vectors(soma[:, SOMA_NECK2])[:, 0]
+    rotations[:, SMPL_HEAD] = neck2 @ rotations[:, SMPL_HEAD]
+    return rotations
 
 
 def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
