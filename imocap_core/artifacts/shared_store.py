@@ -1,6 +1,6 @@
 """A store that several machines share: whole files by name, below a URL or a folder.
 
-results/<stage>/<key>.mcap       results of stages, by all that they depend on
+    results/<stage>/<key>.mcap       results of stages, by all that they depend on
     results/detections/<key>.npz     detections of videos, likewise
     inputs/<sha-256>                 files of actions, by their content
     actions/<name>.json              the files and results of an action that was pushed

@@ -1,22 +1,16 @@
 """Where artifacts are stored: the current one of each stage, and every older one by its key.
 
-The cache of the store: its contents, what can be removed, and leftovers of killed runs.
-
-    .cache/<stage>/<key>.mcap       results of stages
-    .cache/<stage>_<part>/<key>.mcap  parts of them, for other results (pipeline.parts)
-    .cache/detections/<key>.npz     detections of videos
-    .cache/.used/<action>           `<stage>/<key>`, a line for every result that it has used
-    .cache/files.json               digests of files that have not changed (file_memory.py)
+    artifacts/
+      <action>/<stage>.mcap             the current artifact
+      <action>/report/                  the side files of the stage that made some
+      .cache/<stage>/<key>.mcap         every result, so that old parameters cost nothing
+      .cache/<stage>_<part>/<key>.mcap  parts of them, for other results (pipeline.parts)
+      .cache/detections/<key>.npz       detections of videos
+      .cache/.used/<action>             `<stage>/<key>`, a line for every result that it has used
+      .cache/files.json                 digests of files that have not changed (file_memory.py)
 
 The time of last use is the file's access time, which `mark_used` sets; a mount option (noatime,
 relatime) does not matter to it.
-
-artifacts/
-      <action>/<stage>.mcap      the current artifact
-      <action>/report/           the side files of the stage that made some
-      .cache/<stage>/<key>.mcap  every result, so that going back to old parameters costs nothing
-      .cache/.used/<action>      the results that an action has used (cache.py)
-      .cache/files.json          digests of files that have not changed (file_memory.py)
 
 Files appear whole or not at all (written aside, synced, renamed); the current artifact is a hard
 link to its cached one where the file system has links.

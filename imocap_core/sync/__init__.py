@@ -40,7 +40,8 @@ Reading order:
 
 from imocap_core.sync.anchors import Anchor, Hints
 from imocap_core.sync.evidence import SyncEvidence
-from imocap_core.sync.synchronise import SyncResult, estimated_rates, screened, synchronise
+from imocap_core.sync.joint_synchronisation import SyncResult
+from imocap_core.sync.synchronise import estimated_rates, screened, synchronise
 
 __all__ = [
     "Anchor",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -65,6 +66,7 @@ class SyncEvidence:
             )
         check_hints(self.hints, self.lengths)
 
+    @cached_property
     def scaled(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Poses (T_v, J, 3) in body sizes, and the weights of their joints."""
         scales = body_scales(self.poses)

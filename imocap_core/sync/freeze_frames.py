@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -18,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from imocap_core.sequences import runs
 from imocap_core.sync.anchors import Hints
 from imocap_core.sync.evidence import SyncEvidence
-from imocap_core.sync.joint_synchronisation import JointResult
+from imocap_core.sync.joint_synchronisation import SyncResult
 from imocap_core.sync.maps import BandedMap, BlockMaps, Blocks
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
@@ -99,9 +98,6 @@ def _size(points: np.ndarray, visible: np.ndarray) -> float:
     return float(np.quantile(np.linalg.norm(high[present] - low[present], axis=-1), 0.9))
 
 
-Result = TypeVar("Result", bound=JointResult)
-
-
 def distinct_videos(evidence: SyncEvidence) -> list[DistinctFrames]:
     """Per video its distinct pictures, by the keypoints where they are given, else by the poses."""
     if evidence.keypoints is None:
@@ -179,7 +175,7 @@ def _reprojection_of_pictures(
     return replace(evidence, videos=parts)
 
 
-def of_all_frames(result: Result, videos: Sequence[DistinctFrames]) -> Result:
+def of_all_frames(result: SyncResult, videos: Sequence[DistinctFrames]) -> SyncResult:
     """A result of the distinct pictures for all frames: those of one picture share its match, its
     phase and its confidence, as one observation."""
     if not any(d.repeated for d in videos):

@@ -41,6 +41,7 @@ from imocap_core.sync.reference import (
     hard_anchor_maps,
     through_hard_anchors,
 )
+from imocap_core.sync.screening.screening import Screening, not_screened
 from imocap_core.sync.time_axis import (
     CycleResidual,
     PairMaps,
@@ -62,7 +63,7 @@ COMPARED_FRAMES = 1000  # of one video with itself
 
 
 @dataclass(frozen=True)
-class JointResult:
+class SyncResult:
     """Position of every frame of every video in the reference video, with confidences.
 
     Attributes:
@@ -82,6 +83,9 @@ class JointResult:
         left_out_share: of the frames that both match.
         repetitions: per video, of its map to the reference the one shifted by a repetition that
             fits best; None where the motion does not repeat.
+        status: one sentence; screening: mirrored and excluded videos.
+
+    An excluded video is unmatched throughout: NaN, confidence 0, no phase, no affinity or map.
     """
 
     reference: int
@@ -98,11 +102,13 @@ class JointResult:
     left_out_frames: Float[np.ndarray, " M"]
     left_out_share: Float[np.ndarray, " M"]
     repetitions: list[Repetition | None]
+    status: str
+    screening: Screening
 
 
 def synchronise_jointly(
     videos: SyncEvidence, params: SyncParams, rng: np.random.Generator, eligible: Sequence[bool]
-) -> JointResult:
+) -> SyncResult:
     """Synchronise every video with the others.
 
     Args:
@@ -161,7 +167,7 @@ def synchronise_jointly(
     per_second = [c * rates[chosen] for c in clock]  # frames per second of the reference
     phase = common_phase(per_second, lengths, chosen, maps)
     left_out, share = left_out_disagreement(pairs, lengths, chosen)
-    return JointResult(
+    return SyncResult(
         reference=chosen,
         reference_frame=frames,
         confidence=certainty,
@@ -176,6 +182,25 @@ def synchronise_jointly(
         left_out_frames=left_out,
         left_out_share=share,
         repetitions=repetitions,
+        status=_status(frames, certainty, chosen, report),
+        screening=not_screened(len(lengths)),
+    )
+
+
+def _status(
+    frames: Sequence[np.ndarray],
+    certainty: Sequence[np.ndarray],
+    reference: int,
+    cycle: CycleReport,
+) -> str:
+    """One sentence: share of matched frames, mean confidence, cycle consistency."""
+    others = [v for v in range(len(frames)) if v != reference]
+    if not others:
+        return "one video: nothing to synchronise"
+    share = np.mean(np.concatenate([np.isfinite(frames[v]) for v in others]))
+    certain = np.mean(np.concatenate([certainty[v] for v in others]))
+    return (
+        f"{100 * share:.0f} % of the frames matched, mean confidence {certain:.2f}; {cycle.status}"
     )
 
 

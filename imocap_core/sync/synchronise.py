@@ -8,7 +8,7 @@ synchronised jointly (`joint_synchronisation`), and the result covers all videos
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -18,27 +18,12 @@ from imocap_core.params import SyncParams
 from imocap_core.sync.affinity import Affinities, strides
 from imocap_core.sync.evidence import SyncEvidence
 from imocap_core.sync.freeze_frames import distinct_videos, of_all_frames, of_pictures
-from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
+from imocap_core.sync.joint_synchronisation import SyncResult, synchronise_jointly
 from imocap_core.sync.maps import BlockMaps, Blocks
 from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.rate import playback_rates
 
 Part = TypeVar("Part")
-
-
-@dataclass(frozen=True)
-class SyncResult(JointResult):
-    """Position of every frame of every video in the reference video, with confidences.
-
-    An excluded video is unmatched throughout: NaN, confidence 0, no phase, no affinity or map.
-
-    Attributes:
-        screening: mirrored and excluded videos.
-        status: one sentence.
-    """
-
-    screening: Screening
-    status: str
 
 
 def synchronise(
@@ -62,51 +47,47 @@ def synchronise(
     evidence.check()
     pictures = distinct_videos(evidence)
     excluded = () if screening is None else screening.excluded
-    evidence = _with_rates(of_pictures(evidence, pictures, excluded).without_forbidden(), params)
+    evidence = of_pictures(evidence, pictures, excluded).without_forbidden()
+    rates = _rates_of(evidence, params)
     if screening is None:
-        screening = _screening_of(evidence, params)
-    rates = evidence.rates
-    assert rates is not None
+        screening = _screening_of(evidence, rates, params)
     used = [v for v in range(len(evidence.poses)) if v not in screening.excluded]
-    joint = synchronise_jointly(
-        evidence.reflected(screening.flipped).among(used),
-        params,
-        rng,
-        [
-            v not in screening.flipped and bool(rates[v] == 1.0) and not pictures[v].repeated
-            for v in used
-        ],
-    )
+    eligible = [
+        v not in screening.flipped and bool(rates[v] == 1.0) and not pictures[v].repeated
+        for v in used
+    ]
+    upright = replace(evidence, rates=rates).reflected(screening.flipped).among(used)
+    joint = synchronise_jointly(upright, params, rng, eligible)
     return of_all_frames(_of_all_videos(joint, used, evidence.lengths, screening), pictures)
 
 
 def screened(evidence: SyncEvidence, params: SyncParams) -> Screening:
     """Which videos are mirrored or show another action, as `synchronise` decides it."""
     pictures = of_pictures(evidence, distinct_videos(evidence)).without_forbidden()
-    return _screening_of(_with_rates(pictures, params), params)
+    return _screening_of(pictures, _rates_of(pictures, params), params)
 
 
 def estimated_rates(evidence: SyncEvidence, params: SyncParams) -> Float[np.ndarray, " M"]:
     """Seconds of the action per second of each video (`playback_rates`)."""
     pictures = of_pictures(evidence, distinct_videos(evidence)).without_forbidden()
-    return playback_rates(*pictures.scaled(), evidence.fps, params.max_rate)
+    return _rates_of(replace(pictures, rates=None), params)
 
 
-def _with_rates(evidence: SyncEvidence, params: SyncParams) -> SyncEvidence:
-    """The evidence with the videos' rates, estimated where they are not given."""
+def _rates_of(evidence: SyncEvidence, params: SyncParams) -> Float[np.ndarray, " M"]:
+    """The rates as they are given, else estimated."""
     if evidence.rates is not None:
-        return evidence
-    rates = playback_rates(*evidence.scaled(), evidence.fps, params.max_rate)
-    return replace(evidence, rates=rates)
+        return evidence.rates
+    return playback_rates(*evidence.scaled, evidence.fps, params.max_rate)
 
 
-def _screening_of(evidence: SyncEvidence, params: SyncParams) -> Screening:
-    """The screening of videos whose rates are known; the reference is no outlier."""
-    assert evidence.rates is not None
+def _screening_of(
+    evidence: SyncEvidence, rates: Float[np.ndarray, " M"], params: SyncParams
+) -> Screening:
+    """The screening of videos of known rates; the reference is no outlier."""
     videos = range(len(evidence.poses))
     return screen(
-        *evidence.scaled(),
-        [f / r for f, r in zip(evidence.fps, evidence.rates, strict=True)],
+        *evidence.scaled,
+        [f / r for f, r in zip(evidence.fps, rates, strict=True)],
         params,
         twins=evidence.twins,
         declared=evidence.mirrored or [None] * len(videos),
@@ -116,7 +97,7 @@ def _screening_of(evidence: SyncEvidence, params: SyncParams) -> Screening:
 
 
 def _of_all_videos(
-    joint: JointResult, used: list[int], lengths: list[int], screening: Screening
+    joint: SyncResult, used: list[int], lengths: list[int], screening: Screening
 ) -> SyncResult:
     """The joint result extended by the excluded videos."""
     unmatched = [np.full(n, np.nan) for n in lengths]
@@ -129,7 +110,8 @@ def _of_all_videos(
     centrality[used], left_out[used] = joint.centrality, joint.left_out_frames
     share[used] = joint.left_out_share
     repetitions = dict(zip(used, joint.repetitions, strict=True))
-    return SyncResult(
+    return replace(
+        joint,
         reference=used[joint.reference],
         reference_frame=frames,
         confidence=confidence,
@@ -138,8 +120,6 @@ def _of_all_videos(
         affinity=_affinities_of_all(joint.affinity, used, lengths),
         relaxed=BlockMaps(Blocks(tuple(lengths)), _renumbered(joint.relaxed.pairs, used)),
         centrality=centrality,
-        matched_square=joint.matched_square,
-        cycle=joint.cycle,
         cycle_residuals=[
             replace(t, videos=(used[t.videos[0]], used[t.videos[1]], used[t.videos[2]]))
             for t in joint.cycle_residuals
@@ -148,7 +128,6 @@ def _of_all_videos(
         left_out_share=share,
         repetitions=[repetitions.get(v) for v in range(len(lengths))],
         screening=screening,
-        status=_status(joint),
     )
 
 
@@ -162,16 +141,3 @@ def _renumbered(
 ) -> dict[tuple[int, int], Part]:
     """What there is of each pair, by the videos' numbers among all."""
     return {(used[i], used[j]): part for (i, j), part in pairs.items()}
-
-
-def _status(joint: JointResult) -> str:
-    """One sentence: share of matched frames, mean confidence, cycle consistency."""
-    others = [v for v in range(len(joint.reference_frame)) if v != joint.reference]
-    if not others:
-        return "one video: nothing to synchronise"
-    share = np.mean(np.concatenate([np.isfinite(joint.reference_frame[v]) for v in others]))
-    certain = np.mean(np.concatenate([joint.confidence[v] for v in others]))
-    return (
-        f"{100 * share:.0f} % of the frames matched, mean confidence {certain:.2f}; "
-        f"{joint.cycle.status}"
-    )
