@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
+from imocap_core.biomechanics.angle_differences import MotionDifference, in_words
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
@@ -26,8 +27,6 @@ from imocap_core.compare.compare import (
     technique_angles,
 )
 from imocap_core.compare.parts import (
-    MotionDifference,
-    in_words,
     markdown_list,
     pair_findings,
     performer_names,
@@ -42,9 +41,9 @@ from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
 
 MEAN_COLOR = "#6b7480"
-OF_VIEWER_ALONE = ("pictures.js", "cards.js", "chooser.js", "main.js")
+OF_VIEWER_ALONE = ("pictures.js", "cards.js", "verdict.js", "chooser.js", "main.js")
 SHARED = tuple(name for name in viewer.SCRIPTS if name not in OF_VIEWER_ALONE)
-OWN = ("measure.js", "compare.js")
+OWN = ("compare.js",)
 PACKAGE = "imocap_core.compare"
 
 
@@ -389,7 +388,7 @@ def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
                 ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [
                     (
-                        parts.in_words(names[j]),
+                        in_words(names[j]),
                         parts.number(deg[j]),
                         parts.number(mm[j]),
                         parts.number(ratio[j]),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
+from imocap_core.biomechanics.angle_differences import largest
 from imocap_core.compare.compare import (
     compared_moments,
     describe,
@@ -21,7 +22,7 @@ from imocap_core.compare.compare import (
     performers_of,
     several,
 )
-from imocap_core.compare.parts import largest, pair_findings
+from imocap_core.compare.parts import pair_findings
 from imocap_core.compare.technique_report import mean_clip, write_pair, write_technique
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams

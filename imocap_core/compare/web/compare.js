@@ -10,12 +10,12 @@ function start() {
   $("name").textContent = page.title;
   $("lead").textContent = page.lead;
 
-  let waiting = 0, before = 0, theme = readTheme(), message = "", written = 0, seeker = null, view = null, actors = [];
+  let waiting = 0, theme = readTheme(), message = "", written = 0, seeker = null, view = null, actors = [];
   const redraw = () => {
     waiting ||= requestAnimationFrame(draw);
   };
-  const act = makeActions(page, redraw), state = act.state;
-  Object.assign(state, { cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name, chosen: [] });
+  const act = makeActions(page, redraw), state = act.state, player = new Player(act);
+  Object.assign(state, { cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name });
   state.on = page.videos.map((_, i) => i < MOST);
   const detail = new Detail(redraw), orbit = new Orbit($("stage"), redraw);
   const scene = new Scene($("stage"), page, !detail.software), labels = new Labels($("labels"), page);
@@ -30,7 +30,6 @@ function start() {
 
   const then = (change) => (...given) => { change(...given); redraw(); };
   act.angle = then((name) => { state.angle = name; });
-  act.measure = then((joint) => { state.chosen = joint ? [...(state.chosen.length < 3 ? state.chosen : []), joint] : []; });
   act.fit = (_, frontal = false) => {
     orbit.field = state.apart ? NARROW_RAD : WIDE_RAD;
     if (frontal) orbit.azimuth = 0;
@@ -49,8 +48,8 @@ function start() {
   });
 
   const places = group($("tools"), [
-    ["in one place", "One over the other (o)", () => act.apart(false)],
-    ["side by side", "Performers set apart (o)", () => act.apart(true)],
+    ["in one place", "One over the other (o)", () => act.place("all")],
+    ["side by side", "Performers set apart (o)", () => act.place("apart")],
   ]);
   const others = group($("tools"), [
     ["skeletons", "Skeletons instead of bodies (b)", () => act.flip("skeletons")],
@@ -90,14 +89,13 @@ function start() {
   function draw(time) {
     cancelAnimationFrame(waiting);
     waiting = 0;
-    if (state.playing) act.advance(before ? (Math.min(time - before, 200) / 1000) * state.speed : 0);
-    before = state.playing ? time : 0;
+    player.tick(time);
     const level = detail.now(time, state.playing), now = momentsAt(page, state.phase);
     actors = actorsAt(page, scene.meshes, state, now);
     view = freeView($("stage"), orbit, detail.density(level));
     scene.draw(view, actors, [], state, level);
     labels.place(view, actors, [], state);
-    drawMarks($("marks"), state.chosen, actors, view);
+    measure.show(state);
     seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, "degrees; band: ± one standard deviation");
     showState();
     clearTimeout(written);
@@ -113,28 +111,10 @@ function start() {
     boxes.forEach((box, i) => { box.checked = state.on[i]; });
     findings.forEach((button, i) =>
       button.setAttribute("aria-current", String(Math.abs(page.findings[i].at - state.phase) < 1e-4 && (page.findings[i].angle ?? state.angle) === state.angle)));
-    const bodies = page.videos.map((video, index) => ({ name: video.id, index, shown: actors.some((a) => a.video === index) }));
-    const placeOf = ({ body, joint }) => actors.find((a) => a.video === body)?.joints[joint];
-    const known = state.chosen.filter(placeOf);
-    $("measured").textContent = measured(known, bodies, page.model.joints, placeOf);
     $("clear").hidden = !state.chosen.length;
   }
 
-  let pressed = null;
-  const at = (e) => view && jointAt(actors, view, e.offsetX, e.offsetY);
-  $("stage").addEventListener("pointerdown", (e) => { pressed = [e.clientX, e.clientY]; });
-  $("stage").addEventListener("pointerup", (e) => {
-    const moved = pressed ? Math.hypot(e.clientX - pressed[0], e.clientY - pressed[1]) : Infinity;
-    const joint = moved < 5 ? at(e) : null;
-    if (joint) act.measure(joint);
-  });
-  $("stage").addEventListener("pointermove", (e) => {
-    const joint = e.buttons ? null : at(e);
-    $("hover").hidden = !joint;
-    if (!joint) return;
-    $("hover").textContent = `${page.videos[joint.body].id}: ${page.model.joints[joint.joint]}`;
-    $("hover").style.transform = `translate(${e.offsetX + 12}px, ${e.offsetY - 26}px)`;
-  });
+  const measure = new Measure(page, act, () => ({ view, actors }));
   $("clear").addEventListener("click", () => act.measure(null));
   $("add").addEventListener("click", () => {
     const body = Math.max(0, state.on.indexOf(true));
@@ -146,14 +126,14 @@ function start() {
   $("curves").addEventListener("pointerdown", (e) => { $("curves").setPointerCapture(e.pointerId); to(e); });
   $("curves").addEventListener("pointermove", (e) => e.buttons && to(e));
   listenToKeys({
-    ...transportKeys(act), o: () => act.apart(!state.apart), b: () => act.flip("skeletons"),
+    ...transportKeys(act), o: () => act.place(state.apart ? "all" : "apart"), b: () => act.flip("skeletons"),
     f: () => { act.fit(); redraw(); }, p: () => act.snapshot(), Escape: () => act.measure(null),
   }, page.videos.length, act);
   addEventListener("hashchange", () => act.go(momentOf(location.hash)));
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
   act.go(momentOf(location.hash));
-  if (page.videos.length > 2) act.apart(true);
+  if (page.videos.length > 2) act.place("apart");
   else act.fit();
   dress();
   const where = (body, joint) => landing(view.matrix, actors.find((a) => a.video === body).joints[joint], view.width / view.density, view.height / view.density);

@@ -1,5 +1,5 @@
 // Distances and angles between joints that were clicked: one joint its height, two their distance,
-// three the angle at the second.
+// three the angle at the second. Used by the viewer and by the comparison.
 
 const NEAR_PX = 26;
 
@@ -45,4 +45,35 @@ function drawMarks(svg, chosen, actors, view) {
   const line = (a, b) => (a && b ? `<line x1="${a.x}" y1="${a.y}" x2="${b.x}" y2="${b.y}"/>` : "");
   const ring = (p) => (p ? `<circle cx="${p.x}" cy="${p.y}" r="6"/>` : "");
   svg.innerHTML = places.map((p, i) => (i ? line(places[i - 1], p) : "")).join("") + places.map(ring).join("");
+}
+
+// Listens for clicks on joints and shows what is chosen: marks over the scene, and `#measured`.
+class Measure {
+  // drawn: gives {view, actors} of the last draw.
+  constructor(page, act, drawn) {
+    Object.assign(this, { page, drawn });
+    let pressed = null;
+    const stage = $("stage"), at = (e) => drawn().view && drawn().view.through < 0 && jointAt(drawn().actors, drawn().view, e.offsetX, e.offsetY);
+    stage.addEventListener("pointerdown", (e) => { pressed = [e.clientX, e.clientY]; });
+    stage.addEventListener("pointerup", (e) => {
+      const moved = pressed ? Math.hypot(e.clientX - pressed[0], e.clientY - pressed[1]) : Infinity;
+      const joint = moved < 5 ? at(e) : null;
+      if (joint) act.measure(joint);
+    });
+    stage.addEventListener("pointermove", (e) => {
+      const joint = e.buttons ? null : at(e);
+      $("hover").hidden = !joint;
+      if (!joint) return;
+      $("hover").textContent = `${page.videos[joint.body].id}: ${page.model.joints[joint.joint]}`;
+      $("hover").style.transform = `translate(${e.offsetX + 12}px, ${e.offsetY - 26}px)`;
+    });
+  }
+
+  show(state) {
+    const { view, actors } = this.drawn(), { videos, model } = this.page;
+    const bodies = videos.map((video, index) => ({ name: video.id, index, shown: actors.some((a) => a.video === index) }));
+    const placeOf = ({ body, joint }) => actors.find((a) => a.video === body)?.joints[joint];
+    $("measured").textContent = measured(state.chosen.filter(placeOf), bodies, model.joints, placeOf);
+    drawMarks($("rings"), view.through < 0 ? state.chosen : [], actors, view);
+  }
 }
