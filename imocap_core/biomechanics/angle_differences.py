@@ -37,7 +37,6 @@ MORE_AND_LESS = {
     "trunk_left_rotation": ("turned {} further to the left", "turned {} further to the right"),
     "pelvis_tilt": ("tilted {} further forward", "tilted {} further back"),
 }
-PARTS = {"shoulder": "arm"}  # how an angle's joint is called where its name is not the part's
 LEAST_DEG = 5.0
 LEAST_SD_DEG = 1.0  # a smaller standard deviation is no measure
 WITHIN = "within the spread of their repetitions"
@@ -111,21 +110,17 @@ def largest(
 def _sentence(
     who: str, other: str, name: str, phase_s: float, deg: float, against: float, sd: float
 ) -> str:
-    side, _, rest = name.partition("_")
-    sided = side in ("left", "right")
-    plain = rest if sided else name
-    joint = plain.partition("_")[0]
-    part = f"{side} {PARTS.get(joint, joint)}" if sided else PARTS.get(joint, joint)
-    word = MORE_AND_LESS[plain][0 if deg > against else 1]
+    word = MORE_AND_LESS[without_side(name)][0 if deg > against else 1]
     away = abs(deg - against)
     text = (
-        f"{who}'s {part} is {word.format(f'{away:.0f}°')} than {other}'s at {phase_s:.2f} s "
-        f"({_degrees(deg)} against {_degrees(against)})"
+        f"{plain_angle(name)}: {who} {degrees(deg)}, {other} {degrees(against)} "
+        f"({word.format(f'{away:.0f}°')}), at {phase_s:.2f} s"
     )
     if not sd >= LEAST_SD_DEG:
         return text
     return f"{text}, {away / sd:.1f} standard deviations" if away >= sd else f"{text}, {WITHIN}"
 
 
-def _degrees(value: float) -> str:
-    return f"{value:z.0f}°".replace("-", "−")
+def degrees(value: float) -> str:
+    """Whole degrees; a dash where there is none."""
+    return f"{value:z.0f}°".replace("-", "−") if np.isfinite(value) else "–"

@@ -50,26 +50,37 @@ def performer_names(pair: TechniquePair) -> tuple[str, str]:
 
 
 def technique_findings(t: Technique, angles: TechniqueAngles) -> list[MotionDifference]:
-    """Where each performance differs most from the mean: in its angles, then in its timing."""
+    """Where each performance differs most from the mean: in its angles, then in its timing.
+
+    Of two performances, where the second differs from the first: nobody performed their mean.
+    """
     phase_s = t.instances.phase_s
+    if len(t.instances.ids) == 2:
+        first, second = t.instances.ids
+        one, two = ({name: rows[m] for name, rows in angles.each.items()} for m in (0, 1))
+        later_s = t.lead_s[1] - t.lead_s[0]
+        return [
+            *largest(second, first, phase_s, two, one, {})[:OF_TWO],
+            *_timing(second, first, phase_s, later_s),
+        ]
     mean = {name: curve.mean_deg for name, curve in angles.mean.items()}
     differences = []
     for m, video in enumerate(t.instances.ids):
         each = {name: rows[m] for name, rows in angles.each.items()}
         differences += largest(video, "the mean", phase_s, each, mean, {})[:OF_EACH]
-        differences += _timing(video, phase_s, t.lead_s[m])
+        differences += _timing(video, "the mean", phase_s, t.lead_s[m])
     return differences
 
 
 def _timing(
-    video: str, phase_s: Float[np.ndarray, " N"], lead_s: Float[np.ndarray, " N"]
+    video: str, other: str, phase_s: Float[np.ndarray, " N"], lead_s: Float[np.ndarray, " N"]
 ) -> list[MotionDifference]:
     if not np.isfinite(lead_s).any() or np.nanmax(np.abs(lead_s)) < LEAST_LATE_S:
         return []
     moment = int(np.nanargmax(np.abs(lead_s)))
     word = "later" if lead_s[moment] > 0 else "earlier"
     sentence = (
-        f"{video} is {abs(lead_s[moment]):.2f} s {word} than the mean at {phase_s[moment]:.2f} s"
+        f"{video} is {abs(lead_s[moment]):.2f} s {word} than {other} at {phase_s[moment]:.2f} s"
     )
     return [MotionDifference(sentence, float(phase_s[moment]), None)]
 

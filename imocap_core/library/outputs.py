@@ -246,7 +246,7 @@ def compare(
     first = performances_of(result)
     if second is None:
         technique = describe(several(first))
-        files = write_technique(folder, technique)
+        files = write_technique(folder, technique, {v.id: v for v in result})
         return _compared(job, ActionComparison(technique, None, files), out)
     other = _job(second, root, []).action.name
     if other == name:

@@ -9,7 +9,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
-from imocap_core.biomechanics.angle_differences import SHOWN, largest, plain_angle, without_side
+from imocap_core.biomechanics.angle_differences import (
+    SHOWN,
+    degrees,
+    largest,
+    plain_angle,
+    without_side,
+)
 from imocap_core.biomechanics.joint_angles import near
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.page_figures import key_angle_figure
@@ -125,11 +131,6 @@ def _row(
     error = f"± {errors.mean():.0f}°" if len(errors) else "not known"
     span = f"{degrees(float(np.nanmin(each)))} to {degrees(float(np.nanmax(each)))}"
     return (plain_angle(name), *(degrees(float(x)) for x in now), error, span)
-
-
-def degrees(value: float) -> str:
-    """Whole degrees; a dash where there is none."""
-    return f"{value:z.0f}°".replace("-", "−") if np.isfinite(value) else "–"
 
 
 def differences(

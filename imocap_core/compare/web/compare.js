@@ -4,6 +4,12 @@ const MOST = 6; // bodies that are shown at first
 
 const $ = (id) => document.getElementById(id);
 
+// The joint that an angle is at; null where it has none of its own.
+const jointOf = (page, angle) => {
+  const at = page.model.joints.indexOf(angle.split("_").slice(0, 2).join(" "));
+  return at < 0 ? null : at;
+};
+
 function start() {
   const page = readPage();
   for (const video of page.videos) video.answers.final.rotations = quaternions(video.answers.final.local);
@@ -89,14 +95,16 @@ function start() {
   function draw(time) {
     cancelAnimationFrame(waiting);
     waiting = 0;
-    player.tick(time);
+    const next = player.tick(time);
     const level = detail.now(time, state.playing), now = momentsAt(page, state.phase);
     actors = actorsAt(page, scene.meshes, state, now);
     view = freeView($("stage"), orbit, detail.density(level));
     scene.draw(view, actors, [], state, level);
     labels.place(view, actors, [], state);
-    measure.show(state);
-    seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, "degrees; band: ± one standard deviation");
+    measure.show(state, jointOf(page, state.angle));
+    showFrames(now);
+    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
+    seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, page.angles[0].curves.some((c) => c.sd) ? "degrees; band: ± one standard deviation" : "degrees");
     showState();
     clearTimeout(written);
     if (state.playing) redraw();
@@ -115,6 +123,26 @@ function start() {
   }
 
   const measure = new Measure(page, act, () => ({ view, actors }));
+  const pictures = page.videos.map((video) => new Pictures(video, redraw));
+  const frames = page.videos.map((video) => {
+    if (!video.pictures) return null;
+    const figure = $("frames").appendChild(document.createElement("figure"));
+    const canvas = figure.appendChild(document.createElement("canvas"));
+    Object.assign(canvas, { width: 320, height: Math.round((320 * video.view[3]) / video.view[2]) });
+    return { figure, canvas, caption: figure.appendChild(document.createElement("figcaption")) };
+  });
+  // Every shown performance's source frame of this moment.
+  function showFrames(now) {
+    frames.forEach((frame, i) => {
+      if (!frame) return;
+      frame.figure.hidden = !state.on[i];
+      const picture = pictures[i].at(Math.round(now[i]?.at ?? 0));
+      if (!picture) return;
+      frame.canvas.getContext("2d").drawImage(picture.bitmap, 0, 0, frame.canvas.width, frame.canvas.height);
+      frame.canvas.setAttribute("aria-label", `Frame of ${page.videos[i].id}`);
+      frame.caption.textContent = `${page.videos[i].id}, frame ${page.videos[i].frames[picture.frame]}`;
+    });
+  }
   $("clear").addEventListener("click", () => act.measure(null));
   $("add").addEventListener("click", () => {
     const body = Math.max(0, state.on.indexOf(true));
@@ -132,11 +160,14 @@ function start() {
   addEventListener("hashchange", () => act.go(momentOf(location.hash)));
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
+  act.seek(page.findings.find((finding) => finding.angle)?.at ?? state.phase);
   act.go(momentOf(location.hash));
-  if (page.videos.length > 2) act.place("apart");
-  else act.fit();
+  act.place(page.videos.length > 1 ? "apart" : "all");
   dress();
-  const where = (body, joint) => landing(view.matrix, actors.find((a) => a.video === body).joints[joint], view.width / view.density, view.height / view.density);
+  const where = (body, joint) => {
+    const actor = actors.find((a) => a.video === body);
+    return landing(view.matrix, add(actor.joints[joint], actor.offset), view.width / view.density, view.height / view.density);
+  };
   window.imocap = { act, page, orbit, scene, actors: () => actors, where };
 }
 

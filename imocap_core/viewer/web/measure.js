@@ -37,14 +37,16 @@ function measured(chosen, bodies, joints, placeOf) {
 }
 
 // Marks over the scene: a ring on every joint, lines between them.
-function drawMarks(svg, chosen, actors, view) {
-  const places = chosen.map((c) => {
+function drawMarks(svg, chosen, actors, view, ringed = []) {
+  const placeOf = (c) => {
     const actor = actors.find((a) => a.video === c.body);
     return actor && landing(view.matrix, add(actor.joints[c.joint], actor.offset), view.width / view.density, view.height / view.density);
-  });
+  };
+  const places = chosen.map(placeOf);
   const line = (a, b) => (a && b ? `<line x1="${a.x}" y1="${a.y}" x2="${b.x}" y2="${b.y}"/>` : "");
-  const ring = (p) => (p ? `<circle cx="${p.x}" cy="${p.y}" r="6"/>` : "");
-  svg.innerHTML = places.map((p, i) => (i ? line(places[i - 1], p) : "")).join("") + places.map(ring).join("");
+  const ring = (p, kind = "") => (p ? `<circle ${kind} cx="${p.x}" cy="${p.y}" r="6"/>` : "");
+  svg.innerHTML = places.map((p, i) => (i ? line(places[i - 1], p) : "")).join("")
+    + places.map((p) => ring(p)).join("") + ringed.map((c) => ring(placeOf(c), 'class="ringed"')).join("");
 }
 
 // Listens for clicks on joints and shows what is chosen: marks over the scene, and `#measured`.
@@ -69,11 +71,14 @@ class Measure {
     });
   }
 
-  show(state) {
+  // marked: a joint that is ringed on every body, or null.
+  show(state, marked = null) {
     const { view, actors } = this.drawn(), { videos, model } = this.page;
     const bodies = videos.map((video, index) => ({ name: video.id, index, shown: actors.some((a) => a.video === index) }));
     const placeOf = ({ body, joint }) => actors.find((a) => a.video === body)?.joints[joint];
     $("measured").textContent = measured(state.chosen.filter(placeOf), bodies, model.joints, placeOf);
-    drawMarks($("rings"), view.through < 0 ? state.chosen : [], actors, view);
+    if (view.through >= 0) return drawMarks($("rings"), [], actors, view);
+    const ringed = marked === null ? [] : actors.map((actor) => ({ body: actor.video, joint: marked }));
+    drawMarks($("rings"), state.chosen, actors, view, ringed);
   }
 }
