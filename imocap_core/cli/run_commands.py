@@ -180,6 +180,8 @@ def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     if done.verdict is not None:
         for line in terminal_lines(done.verdict, verbose):
             console.print(escape(line))
+    if end:
+        console.print(escape(f"See it in 3D: imocap view {name} --open"))
 
 
 def terminal_lines(verdict: Verdict, verbose: bool = False) -> list[str]:

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from imocap_core.adapters.synchronisation import joint_weights_of
+from imocap_core.biomechanics.angle_differences import SHOWN
 from imocap_core.biomechanics.joint_angles import MeanCurve, joint_angles_deg, mean_curve, near
 from imocap_core.body import Shaped
 from imocap_core.conventions import SMPL_JOINTS
@@ -313,22 +314,6 @@ def _difference(
 
 
 Curves = dict[str, MeanCurve]
-OF_SIDES = (
-    "hip_flexion",
-    "hip_adduction",
-    "knee_flexion",
-    "ankle_dorsiflexion",
-    "shoulder_elevation",
-    "elbow_flexion",
-)
-SHOWN = (
-    *(f"{side}_{name}" for name in OF_SIDES for side in ("left", "right")),
-    "trunk_flexion",
-    "trunk_right_bending",
-    "trunk_left_rotation",
-    "pelvis_tilt",
-)
-"""Those that keypoints of a body determine and that have one plain meaning."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 
+from imocap_core.biomechanics.angle_differences import MotionDifference, in_words, plain_angle
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
@@ -26,8 +27,6 @@ from imocap_core.compare.compare import (
     technique_angles,
 )
 from imocap_core.compare.parts import (
-    MotionDifference,
-    in_words,
     markdown_list,
     pair_findings,
     performer_names,
@@ -37,14 +36,17 @@ from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import VIDEO_COLORS, quiet, save
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
+from imocap_core.result.video import VideoResult
 from imocap_core.technique import along_mode, over_moments
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
+from imocap_core.viewer.viewer_video import picture_entry, stride, windows
 
 MEAN_COLOR = "#6b7480"
-OF_VIEWER_ALONE = ("pictures.js", "cards.js", "chooser.js", "main.js")
+MOST_PICTURES = 400  # of all bodies together
+OF_VIEWER_ALONE = ("cards.js", "verdict.js", "chooser.js", "main.js")
 SHARED = tuple(name for name in viewer.SCRIPTS if name not in OF_VIEWER_ALONE)
-OWN = ("measure.js", "compare.js")
+OWN = ("compare.js",)
 PACKAGE = "imocap_core.compare"
 
 
@@ -58,6 +60,14 @@ class ShownBody:
     R_local: Float[np.ndarray, "N J 3 3"]
     joints: Float[np.ndarray, "N J 3"]
     inside: Bool[np.ndarray, " N"]
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """A body's video, and its source frame at each of the body's moments."""
+
+    video: VideoResult
+    frames: Int[np.ndarray, " N"]
 
 
 def pair_page(
@@ -90,9 +100,15 @@ def pair_page(
 
 
 def technique_page(
-    t: Technique, angles: TechniqueAngles, findings: Sequence[MotionDifference]
+    t: Technique,
+    angles: TechniqueAngles,
+    findings: Sequence[MotionDifference],
+    videos: Mapping[str, VideoResult],
 ) -> str:
-    """The page of an action's performances and their mean."""
+    """The page of an action's performances, and of their mean where there are more than two.
+
+    videos: by id, for their pictures; there need not be any.
+    """
     each = t.instances
     nothing = np.full(len(each.phase_s), np.nan)
     count = np.ones(len(each.phase_s), dtype=np.int64)
@@ -109,15 +125,32 @@ def technique_page(
         name: [mean, *(MeanCurve(row, nothing, count) for row in angles.each[name])]
         for name, mean in angles.mean.items()
     }
+    lead = f"{len(each.ids)} performances and their mean"
+    if len(each.ids) == 2:
+        lead, bodies = f"{each.ids[0]} and {each.ids[1]}", bodies[1:]
+        curves = {name: of[1:] for name, of in curves.items()}
     return _page(
         t.action,
-        f"{len(each.ids)} performances and their mean at equal phases, on one body, facing one way",
+        f"{lead} at the same moments, on one body, facing one way",
         t.performances.shaped,
         each.phase_s,
         bodies,
         curves,
         findings,
+        _filmed(t, videos),
     )
+
+
+def _filmed(t: Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed]:
+    """The performances whose files are there."""
+    each, shown = t.instances, {}
+    for m, name in enumerate(each.ids):
+        video = videos.get(name)
+        if video is not None and video.video is not None:
+            index = np.rint(t.performances.clock_s[m, each.inside[m]] * video.fps).astype(np.int64)
+            frames = video.frames[np.clip(index, 0, len(video.frames) - 1)]
+            shown[name] = Filmed(video, frames.astype(np.int64))
+    return shown
 
 
 def _page(
@@ -128,8 +161,10 @@ def _page(
     bodies: Sequence[ShownBody],
     curves: Mapping[str, Sequence[MeanCurve]],
     findings: Sequence[MotionDifference],
+    filmed: Mapping[str, Filmed] | None = None,
 ) -> str:
-    block = Block()
+    block, filmed = Block(), filmed or {}
+    every = stride([len(each.frames) for each in filmed.values()], MOST_PICTURES)
     step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
     ends = {"first": float(phase_s[0]), "last": float(phase_s[-1])}
     header = {
@@ -144,9 +179,13 @@ def _page(
         "azimuth": 0.5,
         "right": [1.0, 0.0, 0.0],
         "phase": block.add(phase_s, "f4"),
-        "videos": [_body_entry(block, shaped, phase_s, step, body) for body in bodies],
+        "videos": [
+            _body_entry(block, shaped, phase_s, step, body)
+            | _picture_entry(block, filmed.get(body.name), every)
+            for body in bodies
+        ],
         "angles": [
-            {"name": n, "label": in_words(n), "curves": [_curve_entry(block, c) for c in of]}
+            {"name": n, "label": plain_angle(n), "curves": [_curve_entry(block, c) for c in of]}
             for n, of in curves.items()
         ],
         "findings": [{"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in findings],
@@ -184,6 +223,17 @@ def _body_entry(
     }
 
 
+def _picture_entry(block: Block, filmed: Filmed | None, every: int) -> dict[str, Any]:
+    """The source frames of a body's moments; nothing where its file is not there."""
+    if filmed is None or filmed.video.video is None:
+        return {"pictures": None}
+    video, lens = filmed.video, filmed.video.camera.lens
+    (window,) = windows([video.keypoints.person_box_px], [video.camera.size])
+    pictures = picture_entry(block, video.video, filmed.frames, every, window, lens)
+    frames = block.add(filmed.frames, "i4")
+    return {"pictures": pictures, "frames": frames, "view": list(window)}
+
+
 def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
     banded = bool(np.isfinite(curve.sd_deg).any())
     return {
@@ -195,8 +245,13 @@ def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
 SHOWN_MODES = 3
 
 
-def write_technique(out: Path, t: Technique) -> list[Path]:
-    """report.md, joints.csv, performances.csv, mean.bvh and pictures; the report first."""
+def write_technique(
+    out: Path, t: Technique, videos: Mapping[str, VideoResult] | None = None
+) -> list[Path]:
+    """report.md, joints.csv, performances.csv, mean.bvh and pictures; the report first.
+
+    videos: by id, for their pictures beside the bodies.
+    """
     each, names = t.instances, t.instances.joint_names
     about = f"{len(each.ids)} performances of {t.action}"
     pictures: dict[str, Figure] = {}
@@ -231,7 +286,9 @@ def write_technique(out: Path, t: Technique) -> list[Path]:
     angles = technique_angles(t)
     findings = technique_findings(t, angles)
     (out / "report.md").write_text(_report(t, list(pictures), findings), encoding="utf-8")
-    (out / "report.html").write_text(technique_page(t, angles, findings), encoding="utf-8")
+    (out / "report.html").write_text(
+        technique_page(t, angles, findings, videos or {}), encoding="utf-8"
+    )
     names_ = ["report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh", *pictures]
     return [out / name for name in names_]
 
@@ -389,7 +446,7 @@ def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
                 ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [
                     (
-                        parts.in_words(names[j]),
+                        in_words(names[j]),
                         parts.number(deg[j]),
                         parts.number(mm[j]),
                         parts.number(ratio[j]),

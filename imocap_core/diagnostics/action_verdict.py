@@ -29,7 +29,7 @@ from imocap_core.diagnostics.detection_findings import (
     view_clause,
     view_findings,
 )
-from imocap_core.diagnostics.findings import Finding, Verdict, listed
+from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, Verdict, listed
 from imocap_core.diagnostics.same_take import said_first, take_findings
 from imocap_core.diagnostics.timing import (
     collapse_findings,
@@ -47,7 +47,7 @@ NAMED = 3  # faults that the second sentence names, and places of each
 
 
 def summary_of(
-    timing: str, findings: Sequence[Finding], least_certain: str, further: str
+    timing: str, findings: Sequence[Finding], least_certain: str, further: str, doubtful: bool
 ) -> tuple[str, ...]:
     """How well synchronised, what not to trust, what to do next.
 
@@ -55,11 +55,13 @@ def summary_of(
         timing: the first sentence.
         findings: the most serious first.
         least_certain, further: clauses on the least certain joint and on what to film; or empty.
+        doubtful: whether the first sentence calls the timing so.
     """
     serious = [finding for finding in findings if finding.serious]
-    first = {"same take", "view"}  # kinds that the first sentence names
+    first = {"same take", "view", "repetition"}  # kinds that the first sentence names
     rest = [finding for finding in serious if finding.kind not in first]
-    second = distrust(rest) or _nothing_found(least_certain, len(rest) < len(serious))
+    warned = doubtful or any(finding.kind in first for finding in findings)
+    second = distrust(rest) or _nothing_found(least_certain, warned)
     return tuple(s for s in (timing, second, next_step(serious, further)) if s)
 
 
@@ -129,7 +131,7 @@ def _some(places: Sequence[str]) -> str:
 
 ORDER = (
     *("same take", "decision", "up", "time", "body", "hidden", "detection", "feet", "camera"),
-    *("view", "joints", "remark"),
+    *("view", "repetition", "joints", "remark"),
 )
 
 
@@ -179,13 +181,16 @@ def verdict_of(
         timing = event_sentence(refined.event, fps, left_out)
     clause = "" if len(sync.ids) - len(sync.excluded) == 1 else view_clause(motion, sync)
     timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
+    apart_s = disagreement_s(sync) if refined.event is None else None
     return Verdict(
         summary_of(
             said_first(timing, findings, len(videos)),
             findings,
             "" if claimed is None else least_certain(claimed),
             "" if claimed is None else further_view(claimed, sync),
+            (apart_s or 0) > DOUBTFUL_S,
         ),
         tuple(findings),
-        disagreement_s(sync) if refined.event is None else None,
+        apart_s,
+        refined.event is not None or apart_s is not None,
     )

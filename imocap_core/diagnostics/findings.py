@@ -18,13 +18,17 @@ Kind = Literal[
     "detection",
     "camera",
     "view",  # depth that no video shows; the first sentence says it
+    "repetition",  # a match that may be a whole repetition off; the first sentence says it
     "joints",  # ill-determined ones
     "remark",  # worth knowing, no reason for distrust
 ]
 SERIOUS: frozenset[Kind] = frozenset(
     {"decision", "same take", "up", "time", "body", "hidden", "feet", "detection", "camera", "view"}
 )
+WHOLE: frozenset[Kind] = frozenset({"decision", "same take", "up", "time", "body"})
+DOUBTFUL_S = 0.1  # of disagreement between the videos' times
 SENTENCES = 3
+Level = Literal["good", "check", "doubt"]
 
 
 @dataclass(frozen=True)
@@ -77,11 +81,13 @@ class Verdict:
         findings: the reasons, the most serious first.
         disagreement_s: how far the videos' times disagree among three or more; None where nothing
             checks them.
+        checked: whether anything checks the times: a third video, or a shared event.
     """
 
     summary: tuple[str, ...]
     findings: tuple[Finding, ...]
     disagreement_s: float | None = None
+    checked: bool = True
 
     def __post_init__(self) -> None:
         assert len(self.summary) <= SENTENCES
@@ -90,6 +96,15 @@ class Verdict:
     def trusted(self) -> bool:
         """Whether nothing was found that speaks against the result."""
         return not any(finding.serious for finding in self.findings)
+
+    @property
+    def level(self) -> Level:
+        """Doubt: times or whole videos are wrong; check: parts may be, or nothing checks it."""
+        whole = any(f.kind in WHOLE and f.first_frame is None for f in self.findings)
+        if whole or (self.disagreement_s or 0) > DOUBTFUL_S:
+            return "doubt"
+        unsure = any(f.serious or f.kind == "repetition" for f in self.findings)
+        return "check" if unsure or not self.checked else "good"
 
     def __str__(self) -> str:
         return "\n".join(self.summary)
@@ -116,7 +131,7 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
     document = asdict(verdict)
     for fields, finding in zip(document["findings"], verdict.findings, strict=True):
         fields |= {"sentence": finding.sentence, "serious": finding.serious}
-    return document | {"trusted": verdict.trusted}
+    return document | {"trusted": verdict.trusted, "level": verdict.level}
 
 
 def verdict_text(verdict: Verdict) -> str:
@@ -130,12 +145,13 @@ def read_verdict(text: str) -> Verdict:
         document = json.loads(text)
         findings = tuple(_finding(fields) for fields in document["findings"])
         summary, disagreement_s = document["summary"], document["disagreement_s"]
+        checked = bool(document["checked"])
     except (LookupError, TypeError, AttributeError, RecursionError):
         raise ValueError("expected a verdict") from None
     sentences = isinstance(summary, list) and len(summary) <= SENTENCES and _are_plain(summary)
     if not (sentences and isinstance(disagreement_s, int | float | None)):
         raise ValueError("expected sentences, and how far the videos' times disagree")
-    return Verdict(tuple(summary), findings, disagreement_s)
+    return Verdict(tuple(summary), findings, disagreement_s, checked)
 
 
 def _finding(fields: dict[str, Any]) -> Finding:

@@ -24,11 +24,10 @@ from imocap_core.diagnostics.contradictions import (
     limbs_px,
     person_size,
 )
-from imocap_core.diagnostics.findings import Finding, listed
+from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, listed
 from imocap_core.motion.event_clock import clock_of
 from imocap_core.sequences import runs
 
-DOUBTFUL_S = 0.1  # of disagreement
 LEAST_MATCHED = 0.5  # of a video's frames
 UNCERTAIN = 0.5  # confidence
 LEAST_S = 0.5
@@ -280,14 +279,14 @@ def repetition_clause(sync: SyncSummary) -> str:
 
 
 def repetition_findings(sync: SyncSummary) -> list[Finding]:
-    """A remark on each of these videos."""
+    """A finding on each of these videos."""
     return [_repetition_finding(video, sync.reference) for video in repeating_videos(sync)]
 
 
 def _repetition_finding(video: VideoTrust, reference: str) -> Finding:
     direction = "later" if video.repetition_s > 0 else "earlier"
     return Finding(
-        "remark",
+        "repetition",
         video.id,
         f"the action repeats: {abs(video.repetition_s):.1f} s {direction} in {reference} the video "
         f"fits nearly as well (squared distances of poses {video.repetition_ratio:.1f} times as "

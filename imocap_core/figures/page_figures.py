@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from imocap_core.adapters.sync_maps import maps_of, nearest_by_affinity
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary, Table, Uncertainty
+from imocap_core.biomechanics.angle_differences import plain_angle, without_side
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.conventions import EVAL_12, EVAL_INDICES
 from imocap_core.figures.overlays import CELL_PX, Image
@@ -270,7 +271,7 @@ def angle_figure(
     action: str, phase_s: Float[np.ndarray, " N"], curves: Mapping[str, MeanCurve]
 ) -> Figure:
     """A panel for every angle, left and right sides in one; a row for every joint."""
-    titles = list(dict.fromkeys(map(_without_side, curves)))
+    titles = list(dict.fromkeys(map(without_side, curves)))
     joints = list(dict.fromkeys(title.partition("_")[0] for title in titles))
     height = 0.9 + 1.45 * len(joints)
     figure = new_figure(WIDTH_IN, height, arranged=False)  # panels of one size: nothing to arrange
@@ -308,5 +309,31 @@ def _panel(
     ax.set_title(title.replace("_", " "))
 
 
-def _without_side(name: str) -> str:
-    return name.removeprefix("left_").removeprefix("right_")
+def key_angle_figure(
+    ids: Sequence[str],
+    phase_s: Float[np.ndarray, " N"],
+    curves: Mapping[str, Float[np.ndarray, "M N"]],
+    colors: Sequence[str],
+    moment_s: float,
+) -> Figure:
+    """A panel for each of a few angles, a line for every video, an upright line at one moment.
+
+    curves: degrees by the angle's name, NaN where a video does not show the moment.
+    """
+    rows = -(-len(curves) // 2)
+    figure = new_figure(WIDTH_IN * 0.7, 0.8 + 1.5 * rows)
+    axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    for ax, (name, each) in zip(axes.flat, curves.items(), strict=False):
+        for video, color, values in zip(ids, colors, each, strict=True):
+            ax.plot(phase_s, values, color=color, label=video)
+        ax.axvline(moment_s, color=INK, lw=0.8)
+        ax.grid(True, axis="y")
+        ax.set_title(f"{plain_angle(name)} (degrees)")
+    for ax in axes.flat[len(curves) :]:
+        ax.set_visible(False)
+    for ax in axes[-1]:
+        ax.set_xlabel("seconds")
+    if len(ids) > 1:
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(ids), 5))
+    return figure

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from imocap_core.files import draft_of
 
 INK = "#22262b"
-QUIET = "#868d96"
+QUIET = "#5c636c"
 GRID = "#e4e7ea"
 TRUTH = "#22262b"
 ACCENT = "#c8553d"

@@ -17,6 +17,7 @@ from imocap_core.library.result import Result, html_file
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.generation import generation, run_command
 from imocap_core.pipeline.runner import Job
+from imocap_core.report.page_files import refresh_pages
 from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.result.result import Time
 from imocap_core.workspace import Workspace
@@ -182,6 +183,7 @@ def view(
     with job.store.lock(name, lambda: progress(0.0, "a run of this action is at work; waiting")):
         written = write_viewer(_current(job, sets), file, progress)
         record_made(file.parent, [file.name])
+        refresh_pages(job.store, name)
     return Viewer(name, page, file, written)
 
 
@@ -244,7 +246,7 @@ def compare(
     first = performances_of(result)
     if second is None:
         technique = describe(several(first))
-        files = write_technique(folder, technique)
+        files = write_technique(folder, technique, {v.id: v for v in result})
         return _compared(job, ActionComparison(technique, None, files), out)
     other = _job(second, root, []).action.name
     if other == name:
@@ -284,6 +286,7 @@ def _compared(job: Job, made: ActionComparison, out: str | Path | None) -> Actio
     if out is None:
         report = job.store.report(job.action.name)
         record_made(report, (file.relative_to(report).as_posix() for file in made.files))
+        refresh_pages(job.store, job.action.name)
     return made
 
 

@@ -57,6 +57,7 @@ def run_document(done: Run) -> dict[str, Any]:
             for outcome in done.outcomes
         ],
         "trusted": None if verdict is None else verdict.trusted,
+        "level": None if verdict is None else verdict.level,
         "summary": [] if verdict is None else list(verdict.summary),
         "warnings": [f.sentence for f in findings if f.kind != "joints"],
         "notes": done.notes,

@@ -17,10 +17,9 @@ from imocap_core.pipeline.generation import record, seconds_of
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
-from imocap_core.report.page_files import PAGE, TEXT
+from imocap_core.report.page_files import PAGE, TEXT, refresh_pages
 
 MADE_BY = ("report/write_page.py", "report/page.py", "diagnostics/action_verdict.py")
-BESIDE = ("viewer.html", "compare/report.html", "compare/report.md", "observability.md")
 NEEDED = {
     "keypoints": "Keypoints",
     "camera_motion": "CameraMotion",
@@ -45,6 +44,7 @@ def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
     if not complete(stored):
         return None
     page = bring_up_to_date(job, stored)
+    refresh_pages(job.store, job.action.name)
     save_memory(job.store.folder)
     return page
 
@@ -80,16 +80,15 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     page = folder / PAGE
     seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
     single = single_model(job, stored)
-    beside = [name for name in BESIDE if (folder / name).is_file()]
     sources = sources_text(job.action)
-    stamp = _stamp(stored, seconds, [*beside, sources], single)
+    stamp = _stamp(stored, seconds, sources, single)
     there = all((folder / name).is_file() for name in (TEXT, PAGE, FILE))
     if there and is_whole_page(page) and stamp in _head(page):
         return page
     from imocap_core.report.write_page import write_page
 
     try:
-        write_page(job, folder, stored, single, seconds, beside, stamp, sources)
+        write_page(job, folder, stored, single, seconds, stamp, sources)
     except ArtifactCorrupt as error:
         reason = str(error).splitlines()[0]
         raise WorkFailed(f"report: {reason}; run the action again") from None
@@ -118,7 +117,7 @@ def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
 def _stamp(
     stored: Mapping[str, Stored],
     seconds: Mapping[str, float | None],
-    beside: Sequence[str],
+    sources: str,
     single: Stored | None,
 ) -> str:
     """A digest of everything that the page shows, and of the code that draws it."""
@@ -129,7 +128,7 @@ def _stamp(
         results,
         code,
         dict(seconds),
-        list(beside),
+        sources,
         None if single is None else single.digest,
     ]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

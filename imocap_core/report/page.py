@@ -5,11 +5,14 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.metrics.scoring import ALL_VIDEOS
+from imocap_core.report.first_page import ANGLES, FirstPage
+from imocap_core.report.page_files import COLOURS, LEVELS, badge, sentences
 from imocap_core.report.sections import Section
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, cell_text, column_title
 
@@ -74,22 +77,9 @@ def _right(numeric: bool) -> str:
 
 
 STYLE = """
-:root {
-  --ink: #1d2227; --quiet: #4f5861; --line: #d9dee3; --paper: #ffffff; --accent: #28588a;
-  --edge: #8f979f; --target: #f3e6d5; --good: #3d8b5f; --doubt: #c4622d; color-scheme: light dark;
-}
 @media (prefers-color-scheme: dark) {
-  :root {
-    --ink: #e6eaee; --quiet: #aab3bd; --line: #343c45; --paper: #171c21; --accent: #86b7ea;
-    --edge: #75818d; --target: #44361f; --good: #62b487; --doubt: #e28a55;
-  }
   img.chart { filter: invert(.92) hue-rotate(180deg); }
   img.photo { filter: brightness(.88); }
-}
-* { box-sizing: border-box; }
-body {
-  font: 15px/1.5 system-ui, "DejaVu Sans", sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 1160px; margin: 2.2rem auto 5rem; padding: 0 1.2rem; overflow-wrap: break-word;
 }
 h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
 h2 {
@@ -100,8 +90,6 @@ p, figcaption, dd { color: var(--quiet); max-width: 80ch; }
 li { max-width: 84ch; }
 nav { font-size: .88rem; margin: .8rem 0 0; line-height: 2; }
 nav a { margin-right: 1.1rem; white-space: nowrap; }
-a { color: var(--accent); text-decoration: none; }
-a:hover { text-decoration: underline; }
 th a { color: inherit; border-bottom: 1px dotted var(--edge); }
 .wide { overflow-x: auto; }
 .wide:focus-visible { outline: 2px solid var(--accent); }
@@ -123,9 +111,28 @@ dt { margin-top: .6rem; font-weight: 600; font-size: .9rem; }
 dt code { font-weight: 400; font-size: .8rem; color: var(--quiet); margin-left: .4rem; }
 dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
 dt:target { background: var(--target); }
-.verdict p { color: inherit; margin: .5rem 0; font-size: 1.05rem; }
-.verdict { border-left: 4px solid var(--good); padding: .1rem 1rem; margin: .8rem 0; }
-.doubt { border-left-color: var(--doubt); }
+.first h2 { border: 0; margin: 1.2rem 0 .2rem; padding: 0; }
+.first figure { margin: .6rem 0; }
+.pair {
+  display: grid; gap: 1.4rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 420px), 1fr));
+}
+#technical { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: .8rem; }
+#technical > summary { font-size: 1.25rem; font-weight: 600; }
+@media print {
+  @page { size: A4; margin: 11mm; }
+  :root { color-scheme: light; }
+  body { font-size: 9.5px; margin: 0; padding: 0; max-width: none; }
+  #technical, .pages { display: none; }
+  .pair { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: .8rem; }
+  th, td { padding: .15rem .4rem; } table { font-size: 1em; }
+  h1 { font-size: 1.5rem; } h2, .first h2 { font-size: 1.1rem; margin: .5rem 0 .1rem; }
+  .verdict, .level { margin: .3rem 0; print-color-adjust: exact; }
+  .verdict p { font-size: 1em; margin: .15rem 0; }
+  .first figure { margin: .2rem 0; } .first figcaption { display: none; }
+  .first img { max-height: 80mm; width: 100%; object-fit: contain; object-position: left; }
+  p, figcaption, li { max-width: none; }
+}
 /* On a phone pictures keep a size at which their lettering can be read, and move sideways. */
 @media (max-width: 760px) {
   body { font-size: 16px; margin: 1rem auto 3rem; padding: 0 .9rem; }
@@ -146,6 +153,9 @@ STAMP = "imocap-made-from"
 DARK_MEANS = ("affinity.",)  # charts in which dark and light have a meaning: never reversed
 COLUMNS = "Glossary of the columns"
 DETAILS = "Details of the verdict"
+TECHNICAL = "Technical details"
+ALIKE = "No angle differs between the videos by more than twice its expected error."
+BODY = "The recovered body at rest and at six moments: from the front, its right, and its back."
 
 
 def html_page(
@@ -153,36 +163,83 @@ def html_page(
     contents: Contents,
     verdict: Verdict,
     parts: Sequence[Section],
-    links: Iterable[str],
+    pages: str,
     stamp: str,
     sources: str = "",
+    first: FirstPage | None = None,
 ) -> str:
-    """One page that needs no other file. `links`: files in the folder that it links to; `sources`:
-    which video is which file."""
+    """One page that needs no other file: a first page for a person, then the technical details.
+
+    pages: links to the action's other pages, as HTML. sources: which video is which file.
+    """
     titles = [*(p.title for p in parts), COLUMNS]
     nav = " ".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
     glossary = {c: GLOSSARY[c] for t in _tables(parts) for c in t.columns if c in GLOSSARY}
-    beside = "".join(f'<a href="{html.escape(x)}">{html.escape(x)}</a> ' for x in links)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="{STAMP}" content="{stamp}">'
-        f"<title>{html.escape(contents.title)}</title><style>{STYLE}</style></head><body>\n"
-        f"<h1>{html.escape(contents.title)}</h1>\n{_verdict(verdict)}"
+        f"<title>{html.escape(contents.title)}</title><style>{COLOURS}{STYLE}</style></head>"
+        f"<body>\n<h1>{html.escape(contents.title)}{badge(verdict)}</h1>\n{sentences(verdict)}"
+        + f"{pages}\n"
+        + _first(folder, contents, first)
+        + f'<details id="technical"><summary>{TECHNICAL}</summary>\n'
         + (f"<p>{html.escape(sources)}</p>\n" if sources else "")
-        + f"<nav>{nav}</nav>\n"
-        + (f"<nav>Beside this page: {beside}</nav>\n" if beside else "")
+        + f"<nav>{nav}</nav>\n{_details(verdict)}"
         + "".join(_section(folder, part, glossary) for part in parts)
         + _glossary(glossary)
-        + "</body></html>\n"
+        + "</details></body></html>\n"
+    )
+
+
+def _first(folder: Path, contents: Contents, first: FirstPage | None) -> str:
+    """The same moments, the body, the key angles and the differences."""
+    pictures = {p.file.partition(".")[0].partition("_")[0]: p for p in contents.pictures[::-1]}
+    moments, body = (pictures.get(name) for name in ("moments", "body"))
+    text = ""
+    if moments is not None:
+        text += f"<h2>The same moments</h2>\n{_figure(folder, moments)}"
+    of_body = (
+        f"<section><h2>The body</h2>\n{_figure(folder, replace(body, caption=BODY))}</section>"
+        if body
+        else ""
+    )
+    of_angles = ""
+    if first is not None:
+        caption = "The angles that change most; the upright line is the moment of the table."
+        chart = _figure(folder, Picture(ANGLES, caption))
+        of_angles = f"<section><h2>Key angles</h2>\n{_angles(first)}{chart}</section>"
+    return f'<div class="first">{text}<div class="pair">{of_angles}{of_body}</div></div>\n'
+
+
+def _angles(first: FirstPage) -> str:
+    head = "".join(f"<th{_right(k > 0)}>{html.escape(c)}</th>" for k, c in enumerate(first.head))
+    rows = "".join(
+        "<tr>"
+        + "".join(f"<td{_right(k > 0)}>{html.escape(c)}</td>" for k, c in enumerate(row))
+        + "</tr>"
+        for row in first.rows
+    )
+    items = "".join(f"<li>{html.escape(s)}.</li>" for s in first.differences)
+    differences = f"<ul>{items}</ul>" if items else f"<p>{ALIKE}</p>" if len(first.head) > 4 else ""
+    return (
+        f"<p>{html.escape(first.moment)}:</p>\n"
+        f'<div class="wide" tabindex="0" role="region" aria-label="Key angles"><table><thead><tr>'
+        f"{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{differences}\n"
     )
 
 
 def markdown_page(
-    contents: Contents, verdict: Verdict, parts: Sequence[Section], sources: str = ""
+    contents: Contents,
+    verdict: Verdict,
+    parts: Sequence[Section],
+    sources: str = "",
+    first: FirstPage | None = None,
 ) -> str:
     """The same as Markdown, nothing folded, for a repository or a terminal."""
-    text = [f"# {contents.title}\n", *(f"{sentence}\n" for sentence in verdict.summary)]
+    text = [f"# {contents.title}: {LEVELS[verdict.level].lower()}\n"]
+    text += [f"{sentence}\n" for sentence in verdict.summary]
+    text += [] if first is None else _angles_in_markdown(first)
     if verdict.findings:
         details = "\n".join(f"* {finding.sentence}" for finding in verdict.findings)
         text.append(f"## {DETAILS}\n\n{details}\n")
@@ -200,14 +257,17 @@ def markdown_page(
     return "\n".join(text)
 
 
-def _verdict(verdict: Verdict) -> str:
-    """The three sentences, and behind a click the findings."""
-    style = "verdict" if verdict.trusted else "verdict doubt"
-    summary = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in verdict.summary)
+def _angles_in_markdown(first: FirstPage) -> list[str]:
+    rows = [first.head, ("---", *["---:"] * (len(first.head) - 1)), *first.rows]
+    table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    items = "\n".join(f"* {sentence}." for sentence in first.differences)
+    return [f"## Key angles\n\n{first.moment}:\n\n{table}\n", *([f"{items}\n"] if items else [])]
+
+
+def _details(verdict: Verdict) -> str:
+    """All findings."""
     findings = "".join(f"<li>{html.escape(f.sentence)}</li>" for f in verdict.findings)
-    details = f"<details{' open' * (not verdict.trusted)}><summary>{DETAILS}</summary>"
-    details += f"<ul>{findings}</ul></details>\n"
-    return f'<div class="{style}">{summary}</div>\n' + (details if findings else "")
+    return f"<h2>{DETAILS}</h2>\n<ul>{findings}</ul>\n" if findings else ""
 
 
 def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:

@@ -1,3 +1,168 @@
-"""Names of the files that the report's page is written to."""
+"""The pages of an action, which lead to each other: the report's links, and the index."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.artifacts.store import Store
+from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
+from imocap_core.files import is_as_made, record_made, write_whole
 
 PAGE, TEXT = "report.html", "report.md"
+INDEX = "index.html"
+LEVELS = {"good": "Good", "check": "Check", "doubt": "Doubtful"}
+COMPARED = "where performances differ, in degrees"
+LINKS = re.compile(r'<nav class="pages">.*?</nav>', re.DOTALL)
+
+COLOURS = """
+:root {
+  --ink: #1d2227; --quiet: #4f5861; --line: #d9dee3; --paper: #ffffff; --accent: #28588a;
+  --edge: #8f979f; --target: #f3e6d5; --good: #2c7a4d; --check: #8f6400; --doubt: #b3471b;
+  --soft: #eef2f6; color-scheme: light dark;
+}
+@media (prefers-color-scheme: dark) {
+  :root {
+    --ink: #e6eaee; --quiet: #aab3bd; --line: #343c45; --paper: #171c21; --accent: #86b7ea;
+    --edge: #75818d; --target: #44361f; --good: #62b487; --check: #d9a941; --doubt: #f08a5c;
+    --soft: #222a32;
+  }
+}
+* { box-sizing: border-box; }
+body {
+  font: 15px/1.5 system-ui, "DejaVu Sans", sans-serif; color: var(--ink); background: var(--paper);
+  max-width: 1160px; margin: 2.2rem auto 5rem; padding: 0 1.2rem; overflow-wrap: break-word;
+}
+a { color: var(--accent); text-decoration: none; }
+a:hover { text-decoration: underline; }
+.verdict { border-left: 4px solid var(--level); padding: .1rem 1rem; margin: .8rem 0; }
+.verdict p { color: inherit; margin: .5rem 0; font-size: 1.05rem; }
+.good { --level: var(--good); } .check { --level: var(--check); } .doubt { --level: var(--doubt); }
+.level {
+  display: inline-block; padding: 0 .7rem; border-radius: 1rem; font-size: 1rem; font-weight: 600;
+  background: var(--level); color: var(--paper); vertical-align: middle; margin-left: .5rem;
+}
+.pages { display: flex; flex-wrap: wrap; gap: .6rem; margin: 1rem 0; }
+.pages a { padding: .35rem .9rem; border: 1px solid var(--edge); border-radius: .5rem; }
+"""
+"""Shared by the report, the index, and whatever else is a page of text."""
+
+STYLE = """
+h1 { font-size: 1.7rem; } dt { margin-top: 1rem; font-size: 1.1rem; font-weight: 600; }
+body { max-width: 760px; } dd { margin: 0; color: var(--quiet); }
+code { background: var(--soft); padding: .1rem .4rem; border-radius: .3rem; }
+"""
+
+
+@dataclass(frozen=True)
+class ActionPage:
+    """One thing that can be opened. file: relative to the action's folder, or None when it has not
+    been made; command: what makes it."""
+
+    name: str
+    what: str
+    file: str | None
+    command: str
+
+
+def pages_of(folder: Path, action: str) -> list[ActionPage]:
+    """What there is to open in an action's folder of the store, and what could be made."""
+
+    def page(name: str, what: str, file: str, command: str) -> ActionPage:
+        return ActionPage(name, what, file if (folder / file).exists() else None, command)
+
+    compared = sorted((folder / "report" / "compare").rglob(PAGE))
+    comparisons = [
+        ActionPage(_comparison(file), COMPARED, file, "")
+        for file in (path.relative_to(folder).as_posix() for path in compared)
+    ]
+    return [
+        page(
+            "3D viewer",
+            "the bodies in motion beside the videos, from any side",
+            "report/viewer.html",
+            f"imocap view {action}",
+        ),
+        page(
+            "Report",
+            "the verdict, the same moments, the key angles; technical details below",
+            f"report/{PAGE}",
+            f"imocap run {action}",
+        ),
+        *(comparisons or [ActionPage("Comparison", COMPARED, None, f"imocap compare {action}")]),
+        page("Films", "every video with the body over it", "videos", f"imocap video {action}"),
+        ActionPage("Exports", "the motion for other programs", None, f"imocap export {action}"),
+    ]
+
+
+def _comparison(file: str) -> str:
+    inner = Path(file).parent.name
+    return "Comparison" if inner in ("compare", "report") else f"Comparison with {inner}"
+
+
+def links(folder: Path, action: str) -> str:
+    """The report's links to the other pages of an action, as HTML."""
+    others = [p for p in pages_of(folder, action) if p.file and p.file != f"report/{PAGE}"]
+    shown = "".join(f'<a href="../{html.escape(p.file or "")}">{p.name}</a>' for p in others)
+    below = '<a href="#technical">Technical details</a>'
+    return f'<nav class="pages">{shown}<a href="../{INDEX}">All pages</a>{below}</nav>'
+
+
+def refresh_pages(store: Store, action: str) -> Path:
+    """Let the report name what there is now, and write the index; the index's path.
+
+    A report that somebody has changed is left as it is.
+    """
+    folder, report = store.folder / action, store.report(action)
+    if is_as_made(report, PAGE):
+        text = (report / PAGE).read_text(encoding="utf-8")
+        now = LINKS.sub(lambda _: links(folder, action), text, count=1)
+        if now != text:
+            write_whole(report / PAGE, now)
+            record_made(report, [PAGE])
+    index = folder / INDEX
+    text = "".join(_index(folder, action, _verdict(report)))
+    if not index.is_file() or index.read_text(encoding="utf-8") != text:
+        write_whole(index, text)
+    return index
+
+
+def _verdict(report: Path) -> Verdict | None:
+    with suppress(OSError, ValueError):
+        return read_verdict((report / FILE).read_text(encoding="utf-8"))
+    return None
+
+
+def _index(folder: Path, action: str, verdict: Verdict | None) -> Iterator[str]:
+    name = html.escape(action)
+    yield '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
+    yield f"<title>{name} · imocap</title><style>{COLOURS}{STYLE}</style></head><body>\n"
+    yield f"<h1>{name}{badge(verdict)}</h1>\n{sentences(verdict)}<dl>\n"
+    for page in pages_of(folder, action):
+        title = html.escape(page.name)
+        if page.file:
+            yield f'<dt><a href="{html.escape(page.file)}">{title}</a></dt><dd>{page.what}</dd>\n'
+        else:
+            command = f"<code>{html.escape(page.command)}</code>"
+            yield f"<dt>{title}</dt><dd>{page.what}; make it with {command}</dd>\n"
+    yield "</dl></body></html>\n"
+
+
+def badge(verdict: Verdict | None) -> str:
+    """The verdict's level as a word in its colour; nothing without a verdict."""
+    if verdict is None:
+        return ""
+    return f'<span class="level {verdict.level}">{LEVELS[verdict.level]}</span>'
+
+
+def sentences(verdict: Verdict | None) -> str:
+    """The verdict's sentences in a block of its colour."""
+    if verdict is None:
+        return ""
+    summary = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in verdict.summary)
+    return f'<div class="verdict {verdict.level}">{summary}</div>\n'

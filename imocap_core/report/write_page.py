@@ -39,11 +39,14 @@ from imocap_core.figures.style import quiet, save
 from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
+from imocap_core.report.first_page import ANGLES, first_page
 from imocap_core.report.page import html_page, markdown_page
-from imocap_core.report.page_files import PAGE, TEXT
+from imocap_core.report.page_files import PAGE, TEXT, links
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import Picture, read_contents
 from imocap_core.result.artifacts import artifacts_of_stages
+from imocap_core.result.read import read_result
+from imocap_core.result.result import ActionResult
 from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.workers import at_once
 from imocap_core.workspace import video_files
@@ -112,16 +115,14 @@ def write_page(
     stored: Mapping[str, Stored],
     single: Stored | None,
     seconds: Mapping[str, float | None],
-    beside: Sequence[str],
     stamp: str,
     sources: str,
 ) -> None:
     """Draw the page's figures and write the page, as HTML and as Markdown, and the verdict.
 
     Args:
-        single: smpl_ba's result with one motion for all videos. seconds: of each stage. beside:
-            files in the folder that the page links to. stamp: see `action_report`.
-        sources: which video is which file.
+        single: smpl_ba's result with one motion for all videos. seconds: of each stage. stamp: see
+            `action_report`. sources: which video is which file.
     """
     keypoints = stored["keypoints"].decode(Keypoints)
     evaluated = stored["evaluate"].decode(Evaluate)
@@ -141,16 +142,23 @@ def write_page(
     frames = sum(len(video.frames) for video in keypoints.videos)
     every = [*evaluated.tables, timing_table(seconds, frames)]
     parts = sections(every, [*contents.pictures, *pictures], len(keypoints.videos))
-    verdict = verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
+    artifacts = artifacts_of_stages(job.action.name, stored)
+    verdict = verdict_of_artifacts(artifacts)
     assert verdict is not None
+    with quiet():
+        first = first_page(read_result(artifacts, ActionResult))
+        if first is not None:
+            save(first.figure, folder / ANGLES)
+    pages = links(folder.parent, job.action.name)
     files = {
         FILE: verdict_text(verdict),
-        TEXT: markdown_page(contents, verdict, parts, sources),
-        PAGE: html_page(folder, contents, verdict, parts, beside, stamp, sources),
+        TEXT: markdown_page(contents, verdict, parts, sources, first),
+        PAGE: html_page(folder, contents, verdict, parts, pages, stamp, sources, first),
     }
     for name, text in files.items():
         write_whole(folder / name, text)
-    record_made(folder, [*files, *(picture.file for picture in pictures)])
+    drawn = [*(picture.file for picture in pictures), *([ANGLES] if first else [])]
+    record_made(folder, [*files, *drawn])
 
 
 def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:

@@ -26,10 +26,12 @@ from imocap_core.artifacts.store import Store
 from imocap_core.body import Model
 from imocap_core.camera.projection import camera_from_world
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.diagnostics.findings import Finding
 from imocap_core.errors import WorkFailed
 from imocap_core.files import is_whole_page, write_whole
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
+from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import body_model_of, contact_frames
 from imocap_core.viewer import html as viewer
@@ -135,6 +137,7 @@ def scene(
         "title": result.action,
         "lead": _lead(sync),
         "legend": LEGEND + model.name.replace("_", " "),
+        "verdict": _verdict_entry(result),
         "reference": sync.reference,
         "timeline": timeline_entry(keypoints, sync),
         "model": model_entry(block, model),
@@ -179,6 +182,28 @@ def _video_entry(
     }
 
 
+def _verdict_entry(result: ActionResult) -> dict[str, Any] | None:
+    """The verdict, and where on the common axis its findings about spans are."""
+    verdict, keypoints = verdict_of_artifacts(result.artifacts), result.artifacts.get(Keypoints)
+    if verdict is None:
+        return None
+    ids = [video.id for video in keypoints.videos]
+
+    def entry(finding: Finding) -> dict[str, Any]:
+        span: list[float | None] = [None, None]
+        i = ids.index(finding.video) if finding.video in ids else -1
+        if i >= 0 and finding.first_frame is not None:
+            phase_s = phase_of(result.sync.summary, keypoints, i)
+            ends = [finding.first_frame, finding.last_frame or finding.first_frame]
+            index = np.clip(np.searchsorted(keypoints.videos[i].frames, ends), 0, len(phase_s) - 1)
+            span = phase_s[index].tolist()
+        text = {"sentence": finding.sentence, "serious": finding.serious}
+        return {"video": i, "first": span[0], "last": span[1], **text}
+
+    findings = [entry(f) for f in verdict.findings]
+    return {"level": verdict.level, "summary": list(verdict.summary), "findings": findings}
+
+
 def _eye(
     motions: Sequence[ShownMotion], centres: Sequence[list[float]], sync: SyncSummary
 ) -> dict[str, Any]:
@@ -206,7 +231,7 @@ def _box(points: Float[np.ndarray, "N 3"]) -> list[list[float]]:
 
 def _lead(sync: SyncSummary) -> str:
     count = len(sync.ids)
-    return "1 video" if count == 1 else f"{count} videos on the time axis of {sync.reference}"
+    return "1 video" if count == 1 else f"{count} videos, played at {sync.reference}'s pace"
 
 
 FILE_NAME = "viewer.html"

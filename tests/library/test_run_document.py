@@ -32,6 +32,7 @@ def test_its_verdict_is_the_result_s(document: dict[str, Any], small_run: SmallR
     verdict = small_run.result.verdict
     assert verdict is not None
     assert document["trusted"] is verdict.trusted
+    assert document["level"] == verdict.level
     assert document["summary"] == list(verdict.summary)
     sentences = [f.sentence for f in verdict.findings]
     assert set(document["warnings"]) <= set(sentences)

@@ -63,7 +63,8 @@ def test_the_page_needs_no_other_file(page: str) -> None:
 
 def test_a_sentence_leads_to_its_moment_and_its_curves(browser: Browser) -> None:
     sentence = browser.value("document.querySelector('#findings button').textContent")
-    assert sentence.startswith("Bo's left arm is raised 20° higher than Ann's at ")
+    assert sentence.startswith("left arm raised: Bo ")
+    assert "(raised 20° higher), at " in sentence
     browser.value("imocap.act.angle('right_knee_flexion'); imocap.act.seek(0)")
     browser.value("document.querySelector('#findings button').click()")
     browser.value(DRAWN)
@@ -72,6 +73,7 @@ def test_a_sentence_leads_to_its_moment_and_its_curves(browser: Browser) -> None
     assert browser.value("imocap.act.state.phase") == pytest.approx(said, abs=0.006)
     button = "document.querySelector('#findings button').getAttribute('aria-current')"
     assert browser.value(button) == "true"
+    assert browser.value("document.querySelectorAll('#rings .ringed').length") == 2
 
 
 def test_joints_are_measured_without_a_mouse(browser: Browser) -> None:
@@ -108,7 +110,9 @@ def test_distances_and_angles_of_clicked_joints(browser: Browser) -> None:
     cosine = np.dot(a - b, c - b) / np.linalg.norm(a - b) / np.linalg.norm(c - b)
     assert what == "angle at left elbow, to left shoulder and left wrist"
     assert each[1] == f"Bo: {np.degrees(np.arccos(cosine)):.0f}°"
-    assert browser.value("document.querySelectorAll('#marks circle').length") == len(LEFT_ARM)
+    assert browser.value("document.querySelectorAll('#rings circle:not(.ringed)').length") == len(
+        LEFT_ARM
+    )
     browser.key("Escape")
     assert measured(browser)[0].startswith("Click (or add) one joint")
 

@@ -19,6 +19,7 @@ from imocap_core.report.action_report import (
     single_model,
     verdict_of_run,
 )
+from imocap_core.report.page_files import refresh_pages
 from tests.pipeline.stored import NAME, stored_job
 from tests.report.made import Made
 
@@ -49,8 +50,13 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     assert page.stat().st_mtime_ns == first
     (folder / "viewer.html").write_text("now there is a viewer")
     finish(job, _outcomes(job))
-    assert page.stat().st_mtime_ns > first
-    assert 'href="viewer.html"' in page.read_text()
+    assert 'href="../report/viewer.html"' in page.read_text()
+    index = folder.parent / "index.html"
+    assert 'href="report/viewer.html"' in index.read_text()
+    assert f"imocap compare {NAME}" in index.read_text()  # what has not been made says how
+    page.write_text("mine")
+    refresh_pages(job.store, NAME)
+    assert page.read_text() == "mine"
 
 
 @pytest.mark.parametrize("left", [5000, 0])
@@ -71,7 +77,7 @@ def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Pat
     verdict = verdict_of_run(job, _outcomes(job))
     assert verdict is not None
     text = page.with_name("report.md").read_text()
-    assert text.startswith(f"# {NAME}\n\n" + "\n\n".join(verdict.summary))
+    assert text.startswith(f"# {NAME}: {verdict.level}\n\n" + "\n\n".join(verdict.summary))
     text = page.with_name("verdict.json").read_text()
     for other in ("{broken", text.replace("summary", "summery"), text.replace("v1", "v9")):
         page.with_name("verdict.json").write_text(other)

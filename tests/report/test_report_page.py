@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.body import load_free_body
@@ -14,6 +15,7 @@ from imocap_core.diagnostics.findings import Finding, Verdict
 from imocap_core.figures.page_figures import over_time
 from imocap_core.figures.sheets import most_different_frames, picks_of
 from imocap_core.metrics.scoring import ScoreRow, over_videos
+from imocap_core.report.first_page import FirstPage
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, read_contents, write_report
@@ -21,11 +23,19 @@ from imocap_core.report.tables import long_table, metric_tables
 from tests.report.made import Made
 
 DOCS = Path(__file__).parents[2] / "docs"
+PAGES = '<a href="../report/viewer.html">3D viewer</a><a href="#technical">Below</a>'
 VERDICT = Verdict(
     ("Three videos are synchronised.", "Do not trust v1 <here>."),
     (Finding("feet", "v1", "the foot slides", "sliding", "", 3, 9),),
 )
 SOURCES = "Files: v1 is side & front.mp4."
+FIRST = FirstPage(
+    moment="Where the hips are lowest, at 1.00 s",
+    head=("angle", "v1", "v2", "expected error", "whole action"),
+    rows=(("right knee bend", "63°", "9°", "± 5°", "2° to 90°"),),
+    differences=("v2's right knee is 54° straighter than v1's",),
+    figure=Figure(),
+)
 
 
 def _table(name: str, *columns: str) -> Table:
@@ -35,7 +45,7 @@ def _table(name: str, *columns: str) -> Table:
 
 
 def _page(tmp_path: Path) -> tuple[str, str]:
-    for name in ("moments.jpg", "cycle.jpg", "overlay_v1.jpg", "new.png"):
+    for name in ("moments.jpg", "cycle.jpg", "overlay_v1.jpg", "new.png", "angles.png"):
         (tmp_path / name).write_bytes(name.encode())
     contents = Contents("waving <b>", (Picture("moments.jpg", "The same moments."),))
     pictures = [
@@ -52,16 +62,16 @@ def _page(tmp_path: Path) -> tuple[str, str]:
         _table("metrics", "result", "value"),
     ]
     parts = sections(tables, pictures)
-    page = html_page(tmp_path, contents, VERDICT, parts, ["viewer.html"], "abc123", SOURCES)
-    return page, markdown_page(contents, VERDICT, parts, SOURCES)
+    page = html_page(tmp_path, contents, VERDICT, parts, PAGES, "abc123", SOURCES, FIRST)
+    return page, markdown_page(contents, VERDICT, parts, SOURCES, FIRST)
 
 
 def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> None:
     page, _ = _page(tmp_path)
     sources = re.findall(r'src="([^"]*)"', page)
-    assert len(sources) == 4
+    assert len(sources) == 6  # the same moments twice: on the first page and below
     assert all(source.startswith("data:image/") for source in sources)
-    assert re.findall(r'href="(?!#)([^"]*)"', page) == ["viewer.html"]
+    assert re.findall(r'href="(?!#)([^"]*)"', page) == ["../report/viewer.html"]
     assert "waving &lt;b&gt;" in page
     assert "Files: v1 is side &amp; front.mp4." in page
     assert "abc123" in page[:400]
@@ -86,15 +96,21 @@ def test_nothing_is_lost_and_the_unplanned_comes_last(tmp_path: Path) -> None:
     assert "![Round and back.](cycle.jpg)" in text
     assert text.index("## Synchronisation") > text.index("## Summary")
     folded = re.findall(r"<summary>(.*?)</summary>", page)
-    assert folded == ["Details of the verdict", "About trust", "v1 over its frames."]
+    assert folded == ["Technical details", "About trust", "v1 over its frames."]
 
 
 def test_the_verdict_comes_first(tmp_path: Path) -> None:
     page, text = _page(tmp_path)
-    assert text.startswith("# waving <b>\n\nThree videos are synchronised.\n\nDo not trust v1")
+    assert text.startswith(
+        "# waving <b>: check\n\nThree videos are synchronised.\n\nDo not trust v1"
+    )
     assert text.index("v1 frames 3-9: the foot slides.") < text.index("## Summary")
     assert "Do not trust v1 &lt;here&gt;." in page
-    assert page.index("Three videos are synchronised.") < page.index("<nav>")
+    technical = page.index("Technical details")
+    assert page.index("Three videos are synchronised.") < page.index("right knee bend") < technical
+    assert page.index("v1 frames 3-9: the foot slides.") > technical
+    assert '<span class="level check">Check</span>' in page
+    assert "| right knee bend | 63° | 9° |" in text
 
 
 def test_without_truth_nothing_is_summed_up_and_reasons_are_given_once() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import re
 from pathlib import Path
 
 import cv2
@@ -14,6 +16,7 @@ from imocap_core.report.page import html_page
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture
 from tests.report.browser import CHROMIUM, Browser
+from tests.report.test_report_page import FIRST, PAGES
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
@@ -30,13 +33,18 @@ def test_it_can_be_read_on_a_phone_and_in_both_themes(tmp_path: Path) -> None:
               rows=[["mpjpe_mm", "a reason that is far too long for one line " * 3]]),
     ]  # fmt: skip
     parts = sections(tables, [Picture("warp.png", "The warp.")])
-    verdict = Verdict(("Three videos are synchronised.",), ())
-    page = html_page(tmp_path, Contents("waving", ()), verdict, parts, ["viewer.html"], "0")
+    cv2.imwrite(str(tmp_path / "angles.png"), np.full((300, 900, 3), 200, np.uint8))
+    verdict = Verdict(("Three videos are synchronised.",), (), 0.2)
+    page = html_page(tmp_path, Contents("waving", ()), verdict, parts, PAGES, "0", "", FIRST)
     (tmp_path / "report.html").write_text(page, encoding="utf-8")
     with Browser(tmp_path / "profile", 390, 844) as browser:
         phone = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
         browser.call("Emulation.setDeviceMetricsOverride", **phone)
         browser.open(tmp_path / "report.html")
+        assert browser.value("document.getElementById('technical').open") is False
+        printed = browser.call("Page.printToPDF", preferCSSPageSize=True)["data"]
+        assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed))) == 1
+        browser.value("document.getElementById('technical').open = true")
         assert browser.value("[innerWidth, document.documentElement.scrollWidth]") == [390, 390]
         sizes = browser.value(
             "[...document.querySelectorAll('p, li, td, th, dd, a')]"

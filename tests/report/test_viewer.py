@@ -17,7 +17,9 @@ import torch
 from imocap_core import rotations
 from imocap_core.artifacts.schemas import CameraMotion, Sync
 from imocap_core.body import load_free_body
+from imocap_core.diagnostics.findings import Finding, Verdict
 from imocap_core.figures.sheets import surfaces
+from imocap_core.viewer import viewer_scene
 from imocap_core.viewer.html import Block, quantised, strongest_bones
 from imocap_core.viewer.viewer_video import (
     LONGEST_PX,
@@ -275,3 +277,23 @@ def test_weights_sum_to_one_exactly() -> None:
     dense = np.zeros_like(given)
     np.put_along_axis(dense, bones, weights / 65535, axis=1)
     assert np.abs(dense - given).max() < 3e-5
+
+
+def test_findings_have_their_place_on_the_common_axis(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verdict = Verdict(
+        ("Doubtful.",),
+        (
+            Finding("time", "v2", "the time stands still", "stands still", "", 3, 6),
+            Finding("view", "", "depth is a guess", "depth is a guess"),
+        ),
+    )
+    monkeypatch.setattr(viewer_scene, "verdict_of_artifacts", lambda artifacts: verdict)
+    shown = page_of(made)
+    entry = shown.header["verdict"]
+    phase = shown.array(shown.header["videos"][1]["phase"], -1)
+    assert entry["level"] == "check"
+    spans = [(f["video"], f["first"], f["last"]) for f in entry["findings"]]
+    first, last = np.searchsorted(shown.array(shown.header["videos"][1]["frames"], -1), [3, 6])
+    assert spans == [(1, pytest.approx(phase[first]), pytest.approx(phase[last])), (-1, None, None)]

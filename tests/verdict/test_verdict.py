@@ -90,6 +90,7 @@ def views(made: Made, azimuths: list[float], reductions: dict[float, float]) -> 
 def test_a_good_result_is_called_so(made: Made) -> None:
     verdict = judged(made)
     assert verdict.trusted
+    assert verdict.level == "good"
     assert verdict.summary[0].startswith("3 videos are synchronised")
     assert "10 ms (0.3 frames)" in verdict.summary[0]
     assert "Nothing was found" in verdict.summary[1]
@@ -113,6 +114,7 @@ def test_contradicting_times_are_doubted(made: Made) -> None:
     assert not verdict.trusted
     assert verdict.summary[0].startswith("The timing is doubtful")
     assert "200 ms" in verdict.summary[0]
+    assert verdict.level == "doubt"
 
 
 def repeating(made: Made, ratio: float) -> SyncTrust:
@@ -128,6 +130,8 @@ def test_a_video_that_fits_a_repetition_later_as_well_is_named(made: Made) -> No
     name = made.ids[1]
     assert verdict.trusted
     assert f"the action repeats, and {name} may be matched 1.1 s off" in verdict.summary[0]
+    assert verdict.level == "check"
+    assert verdict.summary[1].startswith("No other fault was found")  # the first sentence warns
     (finding,) = (f for f in verdict.findings if "repeats" in f.text)
     assert finding.video == name
     assert "anchors:" in finding.remedy

@@ -4,18 +4,24 @@ const MOST = 6; // bodies that are shown at first
 
 const $ = (id) => document.getElementById(id);
 
+// The joint that an angle is at; null where it has none of its own.
+const jointOf = (page, angle) => {
+  const at = page.model.joints.indexOf(angle.split("_").slice(0, 2).join(" "));
+  return at < 0 ? null : at;
+};
+
 function start() {
   const page = readPage();
   for (const video of page.videos) video.answers.final.rotations = quaternions(video.answers.final.local);
   $("name").textContent = page.title;
   $("lead").textContent = page.lead;
 
-  let waiting = 0, before = 0, theme = readTheme(), message = "", written = 0, seeker = null, view = null, actors = [];
+  let waiting = 0, theme = readTheme(), message = "", written = 0, seeker = null, view = null, actors = [];
   const redraw = () => {
     waiting ||= requestAnimationFrame(draw);
   };
-  const act = makeActions(page, redraw), state = act.state;
-  Object.assign(state, { cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name, chosen: [] });
+  const act = makeActions(page, redraw), state = act.state, player = new Player(act);
+  Object.assign(state, { cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name });
   state.on = page.videos.map((_, i) => i < MOST);
   const detail = new Detail(redraw), orbit = new Orbit($("stage"), redraw);
   const scene = new Scene($("stage"), page, !detail.software), labels = new Labels($("labels"), page);
@@ -30,7 +36,6 @@ function start() {
 
   const then = (change) => (...given) => { change(...given); redraw(); };
   act.angle = then((name) => { state.angle = name; });
-  act.measure = then((joint) => { state.chosen = joint ? [...(state.chosen.length < 3 ? state.chosen : []), joint] : []; });
   act.fit = (_, frontal = false) => {
     orbit.field = state.apart ? NARROW_RAD : WIDE_RAD;
     if (frontal) orbit.azimuth = 0;
@@ -49,8 +54,8 @@ function start() {
   });
 
   const places = group($("tools"), [
-    ["in one place", "One over the other (o)", () => act.apart(false)],
-    ["side by side", "Performers set apart (o)", () => act.apart(true)],
+    ["in one place", "One over the other (o)", () => act.place("all")],
+    ["side by side", "Performers set apart (o)", () => act.place("apart")],
   ]);
   const others = group($("tools"), [
     ["skeletons", "Skeletons instead of bodies (b)", () => act.flip("skeletons")],
@@ -90,15 +95,16 @@ function start() {
   function draw(time) {
     cancelAnimationFrame(waiting);
     waiting = 0;
-    if (state.playing) act.advance(before ? (Math.min(time - before, 200) / 1000) * state.speed : 0);
-    before = state.playing ? time : 0;
+    const next = player.tick(time);
     const level = detail.now(time, state.playing), now = momentsAt(page, state.phase);
     actors = actorsAt(page, scene.meshes, state, now);
     view = freeView($("stage"), orbit, detail.density(level));
     scene.draw(view, actors, [], state, level);
     labels.place(view, actors, [], state);
-    drawMarks($("marks"), state.chosen, actors, view);
-    seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, "degrees; band: ± one standard deviation");
+    measure.show(state, jointOf(page, state.angle));
+    showFrames(now);
+    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
+    seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, page.angles[0].curves.some((c) => c.sd) ? "degrees; band: ± one standard deviation" : "degrees");
     showState();
     clearTimeout(written);
     if (state.playing) redraw();
@@ -113,28 +119,30 @@ function start() {
     boxes.forEach((box, i) => { box.checked = state.on[i]; });
     findings.forEach((button, i) =>
       button.setAttribute("aria-current", String(Math.abs(page.findings[i].at - state.phase) < 1e-4 && (page.findings[i].angle ?? state.angle) === state.angle)));
-    const bodies = page.videos.map((video, index) => ({ name: video.id, index, shown: actors.some((a) => a.video === index) }));
-    const placeOf = ({ body, joint }) => actors.find((a) => a.video === body)?.joints[joint];
-    const known = state.chosen.filter(placeOf);
-    $("measured").textContent = measured(known, bodies, page.model.joints, placeOf);
     $("clear").hidden = !state.chosen.length;
   }
 
-  let pressed = null;
-  const at = (e) => view && jointAt(actors, view, e.offsetX, e.offsetY);
-  $("stage").addEventListener("pointerdown", (e) => { pressed = [e.clientX, e.clientY]; });
-  $("stage").addEventListener("pointerup", (e) => {
-    const moved = pressed ? Math.hypot(e.clientX - pressed[0], e.clientY - pressed[1]) : Infinity;
-    const joint = moved < 5 ? at(e) : null;
-    if (joint) act.measure(joint);
+  const measure = new Measure(page, act, () => ({ view, actors }));
+  const pictures = page.videos.map((video) => new Pictures(video, redraw));
+  const frames = page.videos.map((video) => {
+    if (!video.pictures) return null;
+    const figure = $("frames").appendChild(document.createElement("figure"));
+    const canvas = figure.appendChild(document.createElement("canvas"));
+    Object.assign(canvas, { width: 320, height: Math.round((320 * video.view[3]) / video.view[2]) });
+    return { figure, canvas, caption: figure.appendChild(document.createElement("figcaption")) };
   });
-  $("stage").addEventListener("pointermove", (e) => {
-    const joint = e.buttons ? null : at(e);
-    $("hover").hidden = !joint;
-    if (!joint) return;
-    $("hover").textContent = `${page.videos[joint.body].id}: ${page.model.joints[joint.joint]}`;
-    $("hover").style.transform = `translate(${e.offsetX + 12}px, ${e.offsetY - 26}px)`;
-  });
+  // Every shown performance's source frame of this moment.
+  function showFrames(now) {
+    frames.forEach((frame, i) => {
+      if (!frame) return;
+      frame.figure.hidden = !state.on[i];
+      const picture = pictures[i].at(Math.round(now[i]?.at ?? 0));
+      if (!picture) return;
+      frame.canvas.getContext("2d").drawImage(picture.bitmap, 0, 0, frame.canvas.width, frame.canvas.height);
+      frame.canvas.setAttribute("aria-label", `Frame of ${page.videos[i].id}`);
+      frame.caption.textContent = `${page.videos[i].id}, frame ${page.videos[i].frames[picture.frame]}`;
+    });
+  }
   $("clear").addEventListener("click", () => act.measure(null));
   $("add").addEventListener("click", () => {
     const body = Math.max(0, state.on.indexOf(true));
@@ -146,17 +154,20 @@ function start() {
   $("curves").addEventListener("pointerdown", (e) => { $("curves").setPointerCapture(e.pointerId); to(e); });
   $("curves").addEventListener("pointermove", (e) => e.buttons && to(e));
   listenToKeys({
-    ...transportKeys(act), o: () => act.apart(!state.apart), b: () => act.flip("skeletons"),
+    ...transportKeys(act), o: () => act.place(state.apart ? "all" : "apart"), b: () => act.flip("skeletons"),
     f: () => { act.fit(); redraw(); }, p: () => act.snapshot(), Escape: () => act.measure(null),
   }, page.videos.length, act);
   addEventListener("hashchange", () => act.go(momentOf(location.hash)));
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
+  act.seek(page.findings.find((finding) => finding.angle)?.at ?? state.phase);
   act.go(momentOf(location.hash));
-  if (page.videos.length > 2) act.apart(true);
-  else act.fit();
+  act.place(page.videos.length > 1 ? "apart" : "all");
   dress();
-  const where = (body, joint) => landing(view.matrix, actors.find((a) => a.video === body).joints[joint], view.width / view.density, view.height / view.density);
+  const where = (body, joint) => {
+    const actor = actors.find((a) => a.video === body);
+    return landing(view.matrix, add(actor.joints[joint], actor.offset), view.width / view.density, view.height / view.density);
+  };
   window.imocap = { act, page, orbit, scene, actors: () => actors, where };
 }
 

@@ -1,14 +1,16 @@
 // What a user can do, and the state it changes. Everything on the page is drawn from the state.
 
-const APART_M = 1.5;
+const GAP_M = 0.3; // between the reaches of performers side by side
+const PLACES = ["apart", "one", "all"]; // side by side; one solid among ghosts; all solid in one place
 
 function makeActions(page, redraw) {
   const { first, last, step } = page.timeline, count = page.videos.length;
   const state = {
     phase: page.timeline.shared, playing: false, speed: 1, on: page.videos.map(() => true),
-    answer: "final", apart: false, cameras: true, paths: true, through: -1, help: false,
-    skeletons: false, uncertainty: false, loop: [],
-    curves: { joints: [page.model.joints.indexOf("right wrist")], quantity: "height" },
+    answer: "final", place: "all", apart: false, lead: Math.max(0, page.videos.findIndex((v) => v.id === page.reference)),
+    cameras: true, paths: true, follow: false, through: -1, help: false, chosen: [],
+    skeletons: false, uncertainty: false, loop: [], right: page.right,
+    curves: { joints: [], quantity: "height" },
     marks: { detected: false, skeleton: true }, offsets: page.videos.map(() => [0, 0, 0]),
   };
   const then = (change) => (...given) => { change(...given); redraw(); };
@@ -18,12 +20,13 @@ function makeActions(page, redraw) {
       if (on && state.phase >= last - 1e-6) state.phase = first;
       state.playing = on;
     }),
-    // Time goes on by so many seconds; from the end of the loop, or of all, to its beginning.
-    advance: (seconds) => {
+    // The moment so many seconds on; from the end of the loop, or of all, its beginning.
+    after: (seconds) => {
       const [from, to] = state.loop.length === 2 ? state.loop : [first, last];
-      state.phase += seconds;
-      if (state.phase > to || state.phase < from) state.phase = from;
+      const phase = state.phase + seconds;
+      return phase > to || phase < from ? from : phase;
     },
+    advance: (seconds) => { state.phase = act.after(seconds); },
     // The first time its beginning, then its end, then no loop.
     loop: then(() => {
       const ends = state.loop.length === 2 ? [] : [...state.loop, state.phase].sort((a, b) => a - b);
@@ -52,26 +55,42 @@ function makeActions(page, redraw) {
     }),
     toggle: then((i, on = !state.on[i]) => { state.on[i] = on; }),
     answer: then((name) => { state.answer = name; }),
-    apart: then((on) => {
-      state.apart = on;
-      const width = page.right.map((x) => x * APART_M);
-      state.offsets = page.videos.map((_, i) => scaled(width, on ? i - (count - 1) / 2 : 0));
-      if (on) state.through = -1;
-      act.fit(0, on);
+    // Chosen again, "one" goes on to the next performer.
+    place: then((name) => {
+      if (name === "one" && state.place === "one") state.lead = (state.lead + 1) % count;
+      Object.assign(state, { place: name, apart: name === "apart", through: -1 });
+      act.row(state.right);
+      act.fit(0, state.apart);
     }),
+    // Performers side by side stand in a row along this direction.
+    row: (right) => {
+      state.right = right;
+      state.offsets = state.apart ? sideBySide(page, right) : page.videos.map(() => [0, 0, 0]);
+    },
+    // The joints of which a height, a distance or an angle is shown; a fourth begins anew.
+    measure: then((joint) => { state.chosen = joint ? [...(state.chosen.length < 3 ? state.chosen : []), joint] : []; }),
     flip: then((name) => { state[name] = !state[name]; }),
     mark: then((name) => { state.marks[name] = !state.marks[name]; }),
     through: then((i) => {
       state.through = state.through === i || page.videos[i]?.excluded ? -1 : i;
-      if (state.through >= 0 && state.apart) act.apart(false), state.through = i;
     }),
     next: () => {
       let i = state.through + 1;
       while (page.videos[i]?.excluded) i++;
       act.through(i < count ? i : -1);
     },
-    help: then(() => { state.help = !state.help; }),
-    fit: () => {}, snapshot: () => {}, link: () => {},
+    help: then((on = !state.help) => { state.help = on; }),
+    fit: () => {}, look: () => {}, snapshot: () => {}, link: () => {},
   };
   return act;
+}
+
+// How far each performer is moved so that all stand in a row, each in the middle of their own room.
+function sideBySide(page, right) {
+  const spans = page.videos.map((_, i) => {
+    const along = reachOf(page, i).map((p) => dot(p, right));
+    return [along.reduce((a, b) => Math.min(a, b)), along.reduce((a, b) => Math.max(a, b))];
+  });
+  const room = Math.max(...spans.map(([low, high]) => high - low)) + GAP_M, count = spans.length;
+  return spans.map(([low, high], i) => scaled(right, (i - (count - 1) / 2) * room - (low + high) / 2));
 }

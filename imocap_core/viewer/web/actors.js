@@ -33,6 +33,12 @@ function reachOf(page, i) {
   return out;
 }
 
+// Whether a performer is shown only as a hint beside the chosen one.
+const faint = (state, i) => state.place === "one" && state.through < 0 && i !== state.lead;
+
+// How performers are first shown: side by side where a row of so many fits, else one among ghosts.
+const placeFor = (count, aspect) => (count === 1 ? "all" : aspect > 0.42 * count ? "apart" : "one");
+
 function actorsAt(page, meshes, state, now) {
   const actors = [];
   page.videos.forEach((video, i) => {
@@ -44,11 +50,27 @@ function actorsAt(page, meshes, state, now) {
       const own = rgb(video.color);
       actors.push({
         ...pose(page.model, shape, answer, now[i].at), mesh: meshes[answer.shape], video: i,
-        color: plain ? mix(own, [0.45, 0.45, 0.45], 0.75) : own, offset: state.offsets[i],
+        color: plain ? mix(own, [0.45, 0.45, 0.45], 0.75) : own, offset: state.through < 0 ? state.offsets[i] : [0, 0, 0],
         tints: state.uncertainty && name === "final" ? tintsOf(page.model, video, Math.round(now[i].at)) : null,
-        alpha: ghost ? GHOST : state.through >= 0 ? 0.82 : 1,
+        alpha: faint(state, i) ? FAINT : ghost ? GHOST : state.through >= 0 ? 0.82 : 1,
       });
     }
   });
   return actors;
+}
+
+// Where a performer's front and left are at a moment, level: unit vectors {front, left}.
+function facingOf(model, joints) {
+  const hip = (side) => joints[model.joints.indexOf(`${side} hip`)];
+  const across = sub(hip("left"), hip("right")), left = unit([across[0], 0, across[2]]);
+  return { left, front: cross(left, [0, 1, 0]) };
+}
+
+// The joint whose height changes most in a list of poses.
+function liveliest(joints) {
+  const range = (j) => {
+    const heights = joints.map((pose) => pose[j][1]);
+    return heights.reduce((a, b) => Math.max(a, b)) - heights.reduce((a, b) => Math.min(a, b));
+  };
+  return Array.from({ length: BODY_JOINTS }, (_, j) => j).reduce((a, b) => (range(b) > range(a) ? b : a));
 }

@@ -20,8 +20,9 @@ class Card {
     this.canvas.addEventListener("click", () => actions.through(index));
   }
 
-  // now: {at, inside, confidence} or null; bitmap: the picture, or null; state: what to draw over.
-  draw(now, bitmap, state) {
+  // now: {at, inside, confidence} or null; picture: {bitmap, frame} or null, over which the marks of its own
+  // frame are drawn; state: which marks.
+  draw(now, picture, state) {
     const { video, canvas } = this, [x0, y0, w, h] = video.view;
     const width = Math.min(640, Math.round(canvas.clientWidth * devicePixelRatio) || 300);
     const height = Math.round((width * h) / w);
@@ -31,15 +32,15 @@ class Card {
     this.root.classList.toggle("off", !state.on[this.index]);
     this.root.classList.toggle("through", state.through === this.index);
     this.box.checked = state.on[this.index];
-    if (bitmap) pen.drawImage(bitmap, 0, 0, width, height);
+    if (picture) pen.drawImage(picture.bitmap, 0, 0, width, height);
     else if (!video.pictures) { pen.fillStyle = "#2a2e34"; pen.fillRect(0, 0, width, height); }
     if (!now) {
       this.frame.textContent = "not synchronised"; this.match.textContent = "";
       this.canvas.setAttribute("aria-label", `${video.id}, not synchronised`);
       return;
     }
-    const t = Math.round(now.at);
-    if (bitmap || !video.pictures) {
+    const t = this.shown = picture?.frame ?? Math.round(now.at);
+    if (picture || !video.pictures) {
       if (state.marks.detected || !video.pictures) dots(pen, video.detected, t, put);
       for (const name of ["initial", "final"])
         if (state.marks.skeleton && (state.answer === name || state.answer === "both"))
@@ -48,7 +49,7 @@ class Card {
     if (!now.inside) { pen.fillStyle = "#14171ab0"; pen.fillRect(0, 0, width, height); }
     this.frame.textContent = `frame ${video.frames[t]}`;
     this.canvas.setAttribute("aria-label", `Frame ${video.frames[t]} of ${video.id}: look through its camera`);
-    this.match.textContent = !now.inside ? (now.at > 0 ? "after the clip" : "before the clip") : now.confidence > 0 ? `sure ${Math.round(100 * now.confidence)} %` : "unmatched";
+    this.match.textContent = !now.inside ? (now.at > 0 ? "after the clip" : "before the clip") : now.confidence > 0 ? `match ${Math.round(100 * now.confidence)} %` : "no match";
   }
 }
 

@@ -2,9 +2,9 @@
 
 const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
 const QUANTITIES = {
-  height: { label: "height (m)", of: (places) => places.map((p) => p[1]) },
-  speed: { label: "speed (m/s)", of: (places, seconds) => speeds(places, seconds) },
-  bend: { label: "bend (degrees, 0: straight)", of: (places, _, from, to) => places.map((p, t) => angleOf(sub(p, from[t]), sub(to[t], p))) },
+  height: { label: "height (m)", digits: 2, of: (places) => places.map((p) => p[1]) },
+  speed: { label: "speed (m/s)", digits: 2, of: (places, seconds) => speeds(places, seconds) },
+  bend: { label: "bend (degrees, 0: straight)", digits: 0, of: (places, _, from, to) => places.map((p, t) => angleOf(sub(p, from[t]), sub(to[t], p))) },
 };
 
 // Speed in m/s by central differences; seconds: of each place.
@@ -64,14 +64,14 @@ class Curves {
   }
 
   draw(canvas, state, theme) {
-    return drawCurves(canvas, this.page.timeline, state, this.wanted(state, theme), theme,
-      QUANTITIES[state.curves.quantity].label);
+    const { label, digits } = QUANTITIES[state.curves.quantity];
+    return drawCurves(canvas, this.page.timeline, state, this.wanted(state, theme), theme, label, digits);
   }
 }
 
 // Curves over the axis, with the cursor; returns what a place on the canvas is in seconds.
 // curves: [{phase, values, color, dash, low, high}]; low, high: of a band, or absent.
-function drawCurves(canvas, axis, state, curves, theme, label) {
+function drawCurves(canvas, axis, state, curves, theme, label, digits = 0) {
   const { pen, width, height } = sized(canvas), plot = { left: LEFT, right: width - RIGHT, top: 16, bottom: height - 5 };
   const all = curves.flatMap((c) => [c.values, c.low, c.high].filter(Boolean).flatMap((v) => Array.from(v))).filter(Number.isFinite);
   const [least, most] = all.length ? [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))] : [0, 1];
@@ -94,6 +94,7 @@ function drawCurves(canvas, axis, state, curves, theme, label) {
   }
   loopShade(pen, x, state.loop ?? [], plot.top, plot.bottom, theme);
   cursor(pen, x(state.phase), plot.top, plot.bottom, theme);
+  valuesHere(pen, curves, state.phase, x, y, plot, theme, digits);
   return (px) => axis.first + ((px - plot.left) / (plot.right - plot.left)) * (axis.last - axis.first);
 }
 
@@ -105,4 +106,30 @@ function band(pen, curve, x, y) {
   for (const t of finite.reverse()) pen.lineTo(x(curve.phase[t]), y(curve.low[t]));
   pen.fill();
   pen.globalAlpha = 1;
+}
+
+// The value of a curve at a moment, null where it has none.
+function valueAt(curve, phase) {
+  const now = frameAt(curve.phase, phase);
+  if (!now?.inside) return null;
+  const low = Math.floor(now.at), [a, b] = [curve.values[low], curve.values[Math.min(low + 1, curve.values.length - 1)]];
+  const value = a + (now.at - low) * (b - a);
+  return Number.isFinite(value) ? value : null;
+}
+
+// A dot on every curve at the cursor and its value beside it, one below the other where they crowd.
+function valuesHere(pen, curves, phase, x, y, plot, theme, digits) {
+  const here = curves.map((curve) => ({ color: curve.color, value: valueAt(curve, phase) })).filter((c) => c.value !== null);
+  const rows = here.map((c) => ({ ...c, dot: y(c.value), at: y(c.value) })).sort((a, b) => a.at - b.at);
+  rows.forEach((row, i) => { if (i) row.at = Math.max(row.at, rows[i - 1].at + 12); });
+  const over = rows.length ? Math.max(0, rows.at(-1).at - (plot.bottom - 6)) : 0;
+  const left = x(phase) > plot.right - 60;
+  pen.textAlign = left ? "right" : "left";
+  for (const row of rows) {
+    pen.fillStyle = row.color;
+    pen.beginPath(); pen.arc(x(phase), row.dot, 3.5, 0, 7); pen.fill();
+    const text = row.value.toFixed(digits), place = [x(phase) + (left ? -8 : 8), row.at - over];
+    pen.lineWidth = 4; pen.strokeStyle = theme.paper; pen.lineJoin = "round";
+    pen.strokeText(text, ...place); pen.fillText(text, ...place);
+  }
 }

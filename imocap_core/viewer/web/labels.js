@@ -1,5 +1,7 @@
 // Names over the performers set apart, and over the cameras.
 
+const NAME_M = 0.32; // of a name above the head's joint
+
 class Labels {
   constructor(parent, page) {
     this.page = page;
@@ -15,10 +17,12 @@ class Labels {
 
   // view: the scene's; actors: those drawn; frames: of each video.
   place(view, actors, frames, state) {
-    this.page.videos.forEach((video, i) => {
+    const { page } = this;
+    page.videos.forEach((video, i) => {
       const actor = actors.find((a) => a.video === i), free = view.through < 0;
-      const head = actor && free && state.apart
-        ? add(add(actor.joints[this.page.model.head], actor.offset), [0, 0.32, 0]) : null;
+      const named = state.apart || (state.place === "one" && i === state.lead && page.videos.length > 1);
+      const head = actor && free && named
+        ? add(add(actor.joints[page.model.head], actor.offset), [0, NAME_M, 0]) : null;
       const wanted = state.cameras && state.on[i] && !video.excluded && !state.apart && free;
       const corner = wanted ? mix(...pictureCorners(video, frames[i]).slice(0, 2), 0.5) : null;
       [head, corner].forEach((place, k) => {

@@ -10,21 +10,25 @@ function start() {
   $("lead").textContent = page.lead;
   showHelp($("help"));
 
-  let waiting = 0, before = 0, theme = readTheme(), message = "", written = 0;
+  let waiting = 0, theme = readTheme(), message = "", written = 0, view = null, actors = [], pelvis = null;
   const redraw = () => {
     waiting ||= requestAnimationFrame(draw);
   };
   const act = makeActions(page, redraw), state = act.state;
-  const detail = new Detail(redraw);
+  const detail = new Detail(redraw), player = new Player(act);
   const orbit = new Orbit($("stage"), (byHand) => {
     if (byHand) state.through = -1;
     redraw();
   });
   const scene = new Scene($("stage"), page, !detail.software);
-  const showTools = makeTools($("tools"), $("marks"), act), showChoice = makeChooser(page, act);
+  const showTools = makeTools($("tools"), $("marks"), $("eye"), act), showChoice = makeChooser(page, act);
+  makeVerdict(page, act);
   const cards = page.videos.map((video, i) => new Card(video, i, $("cards"), act));
   const pictures = page.videos.map((video) => new Pictures(video, redraw));
   const labels = new Labels($("labels"), page), curves = new Curves(page);
+  const measure = new Measure(page, act, () => ({ view, actors }));
+  const lead = page.videos.findIndex((video) => video.id === page.reference);
+  state.curves.joints = [liveliest(curves.jointsOf(page.videos[lead], "final"))];
 
   const dress = () => {
     theme = readTheme();
@@ -33,7 +37,7 @@ function start() {
   };
   onThemeChange(dress);
 
-  function view(frames, level) {
+  function viewNow(frames, level) {
     const i = state.through, free = freeView($("stage"), orbit, detail.density(level));
     if (i < 0) return free;
     const { width, height } = free;
@@ -43,19 +47,33 @@ function start() {
     return { ...free, matrix: times(lens, viewOf(rows, at.centre)), eye: at.centre, through: i };
   }
 
+  // The eye goes as far as the chosen performer's pelvis went since the last draw.
+  function follow() {
+    const now = state.follow ? actors.find((a) => a.video === state.lead)?.joints[0] : null;
+    if (now && pelvis) orbit.target = add(orbit.target, sub(now, pelvis));
+    pelvis = now;
+  }
+
   function draw(time) {
     cancelAnimationFrame(waiting);
     waiting = 0;
-    if (state.playing) act.advance(before ? (Math.min(time - before, 200) / 1000) * state.speed : 0);
-    before = state.playing ? time : 0;
-    const level = detail.now(time, state.playing);
-    const now = momentsAt(page, state.phase), frames = now.map((n) => (n ? Math.round(n.at) : 0));
-    const bitmaps = pictures.map((own, i) => own.at(frames[i]) ?? scene.shown[i]);
-    bitmaps.forEach((bitmap, i) => bitmap && bitmap.width && scene.show(i, bitmap));
-    const actors = actorsAt(page, scene.meshes, state, now), seen = view(frames, level);
-    scene.draw(seen, actors, frames, state, level);
-    labels.place(seen, actors, frames, state);
-    cards.forEach((card, i) => card.draw(now[i], bitmaps[i]?.width ? bitmaps[i] : null, state));
+    const next = player.tick(time), level = detail.now(time, state.playing);
+    const now = momentsAt(page, state.phase);
+    const shown = pictures.map((own, i) => own.at(now[i] ? Math.round(now[i].at) : 0));
+    const frames = now.map((n, i) => shown[i]?.frame ?? (n ? Math.round(n.at) : 0));
+    // A picture that is not yet decoded holds its body back: both are of one frame.
+    now.forEach((n, i) => {
+      const late = shown[i] && Math.abs(frames[i] - n?.at) > (page.videos[i].pictures.every + 1) / 2;
+      if (n && (late || state.through === i)) n.at = frames[i];
+    });
+    shown.forEach((picture, i) => picture && scene.show(i, picture.bitmap));
+    actors = actorsAt(page, scene.meshes, state, now);
+    follow();
+    view = viewNow(frames, level);
+    scene.draw(view, actors, frames, state, level);
+    labels.place(view, actors, frames, state);
+    cards.forEach((card, i) => card.draw(now[i], shown[i], state));
+    measure.show(state);
     seekers[0] = drawLanes($("lanes"), page, state, theme);
     seekers[1] = drawWarps($("warps"), page, state, theme);
     seekers[2] = curves.draw($("curves"), state, theme);
@@ -63,6 +81,7 @@ function start() {
     showChoice(state);
     showState();
     if (state.playing) redraw();
+    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
     clearTimeout(written);
     if (!state.playing) written = setTimeout(() => writeAddress(state), 300);
   }
@@ -72,7 +91,8 @@ function start() {
     $("help").hidden = !state.help;
     $("scene").classList.toggle("through", state.through >= 0);
     $("ramp").hidden = !state.uncertainty;
-    $("legend").textContent = message || page.legend;
+    $("measured").hidden = !state.chosen.length;
+    $("legend").textContent = message || warningAt(page, state) || page.legend;
   }
 
   function say(text) {
@@ -84,15 +104,26 @@ function start() {
   act.fit = (all, frontal = false) => {
     state.through = -1;
     orbit.field = state.apart ? NARROW_RAD : WIDE_RAD;
-    if (frontal) orbit.azimuth = Math.atan2(-page.right[2], page.right[0]);
+    if (frontal) orbit.azimuth = Math.atan2(-state.right[2], state.right[0]);
     const on = page.videos.map((_, i) => i).filter((i) => state.on[i] && !page.videos[i].excluded);
     const points = on.flatMap((i) => reachOf(page, i).map((p) => add(p, state.offsets[i])));
+    if (state.apart) points.push(...points.map((p) => add(p, [0, NAME_M, 0])));
     if (all && !state.apart)
       for (const i of on) {
         const camera = [...pictureCorners(page.videos[i], 0), page.videos[i].camera.centre];
         points.push(...camera.map((p) => mix(page.middle, p, all)));
       }
     orbit.fit(points.length ? points : [[-1, 0, 0], [1, 2, 0]], $("stage").clientWidth, $("stage").clientHeight);
+  };
+  // From the front or the left of the chosen performer, as they stand now, or from above.
+  act.look = (from) => {
+    const now = momentsAt(page, state.phase)[state.lead], answer = page.videos[state.lead].answers.final;
+    const { front, left } = facingOf(page.model, pose(page.model, page.shapes[answer.shape], answer, now?.at ?? 0).joints);
+    const back = from === "side" ? left : front;
+    orbit.azimuth = Math.atan2(back[0], back[2]);
+    orbit.elevation = from === "top" ? TOP_RAD : 0.12;
+    act.row([back[2], 0, -back[0]]);
+    act.fit(0);
   };
   act.snapshot = () => {
     detail.still = !state.playing;
@@ -111,7 +142,7 @@ function start() {
   listenToKeys({ ...transportKeys(act), ...viewerKeys(act) }, page.videos.length, act);
   addEventListener("hashchange", () => act.go(momentOf(location.hash)));
   const arrange = () => {
-    const stacked = matchMedia("(max-width: 760px)").matches;
+    const stacked = matchMedia("(max-width: 760px), (max-height: 500px)").matches;
     const room = [$("side").clientWidth - 20, stacked ? innerHeight : $("side").clientHeight - 48];
     const best = columnsFor(page.videos, ...room);
     $("cards").style.gridTemplateColumns = `repeat(${best.columns}, minmax(0, 1fr))`;
@@ -121,10 +152,11 @@ function start() {
   new ResizeObserver(arrange).observe($("page"));
   orbit.azimuth = page.azimuth;
   act.go(momentOf(location.hash));
-  act.fit(0);
+  act.place(placeFor(page.videos.length, $("stage").clientWidth / $("stage").clientHeight));
   dress();
   window.imocap = {
-    act, page, orbit, scene, curves, rgb, contrast, readable, theme: () => theme, detail: () => ({ level: detail.level, software: detail.software }),
+    act, page, orbit, scene, curves, pictures, rgb, contrast, readable, theme: () => theme,
+    detail: () => ({ level: detail.level, software: detail.software }), shown: () => cards.map((card) => card.shown),
     pose: (i, name, at) => pose(page.model, page.shapes[page.videos[i].answers[name].shape], page.videos[i].answers[name], at),
   };
 }

@@ -1,6 +1,7 @@
 // The eye: it turns about a point, or looks through one of the cameras.
 
 const LOWEST_M = 0.08; // the eye stays above the ground, so that the grid is seen from above
+const TOP_RAD = 1.5; // the eye's elevation for a view from above
 const WIDE_RAD = 0.62, NARROW_RAD = 0.15; // fields of view; narrow: all who stand in a row from one side
 
 // What is seen by the eye that turns; the canvas gets `density` pixels for each of the page's.

@@ -1,41 +1,66 @@
-// Source frames, decoded when they are needed; a few of each video are kept.
+// Source frames: decoded ahead of time, each shown with the frame it is of.
 
-const KEPT = 48;
+const KEPT = 48, AT_ONCE = 2; // pictures of a video: kept, and decoded at one time
 
 class Pictures {
   constructor(video, ready) {
-    this.video = video; this.ready = ready; this.kept = new Map();
+    this.video = video; this.ready = ready; this.decoded = new Map(); this.busy = new Set(); this.last = null;
   }
 
-  // The picture for a frame, or null while it is being decoded or when there is none.
+  // The decoded picture nearest to a frame: {bitmap, frame}, the frame being the picture's. Null
+  // before the first is decoded, or without pictures. The frame's own picture is decoded if it is missing.
   at(frame) {
-    const own = this.video.pictures;
-    if (!own) return null;
-    const number = this.number(frame), found = this.kept.get(number);
-    if (found === undefined) this.decode(number);
-    else this.kept.delete(number), this.kept.set(number, found);
-    return found ?? null;
+    if (!this.video.pictures) return null;
+    const number = this.number(frame), bitmap = this.decoded.get(number);
+    if (bitmap) this.last = number, this.decoded.delete(number), this.decoded.set(number, bitmap);
+    else this.decode(number), this.last = this.nearest(number);
+    return this.last === null ? null : { bitmap: this.decoded.get(this.last), frame: this.frame(this.last) };
+  }
+
+  // Decode what will be wanted soon.
+  ahead(frame) {
+    if (this.video.pictures) this.decode(this.number(frame));
+  }
+
+  nearest(number) {
+    const far = (n) => Math.abs(n - number);
+    return [...this.decoded.keys()].reduce((a, b) => (a === null || far(b) <= far(a) ? b : a), null);
   }
 
   number(frame) {
-    const own = this.video.pictures;
-    return clamp(Math.round(frame / own.every), 0, own.starts.length - 2);
+    const { every, starts } = this.video.pictures;
+    return clamp(Math.round(frame / every), 0, starts.length - 2);
+  }
+
+  frame(number) {
+    return Math.min(number * this.video.pictures.every, this.video.frames.length - 1);
   }
 
   async decode(number) {
+    if (this.decoded.has(number) || this.busy.has(number) || this.busy.size >= AT_ONCE) return;
     const { bytes, starts, kind } = this.video.pictures;
-    this.kept.set(number, null);
-    const part = new Blob([bytes.subarray(starts[number], starts[number + 1])], { type: kind });
+    this.busy.add(number);
     try {
-      this.kept.set(number, await createImageBitmap(part));
+      this.decoded.set(number, await decodedPicture(bytes.subarray(starts[number], starts[number + 1]), kind));
     } catch {
-      this.kept.delete(number);
-      return;
+      this.decoded.set(number, await createImageBitmap(new ImageData(1, 1))); // damaged: not tried again
     }
-    for (const [key, old] of this.kept) {
-      if (this.kept.size <= KEPT) break;
-      if (old && key !== number) this.kept.delete(key), old.close();
+    this.busy.delete(number);
+    for (const [key, old] of this.decoded) {
+      if (this.decoded.size <= KEPT) break;
+      if (key !== number && key !== this.last) this.decoded.delete(key), old.close();
     }
     this.ready();
+  }
+}
+
+// Where there is an ImageDecoder it is faster: no file is made and read, which waits for a busy page.
+async function decodedPicture(bytes, kind) {
+  if (!window.ImageDecoder) return createImageBitmap(new Blob([bytes], { type: kind }));
+  const decoder = new ImageDecoder({ data: bytes, type: kind });
+  try {
+    return (await decoder.decode()).image;
+  } finally {
+    decoder.close();
   }
 }

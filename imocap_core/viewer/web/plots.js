@@ -55,6 +55,7 @@ function drawLanes(canvas, page, state, theme) {
       const from = Math.round(x(video.phase[t])), to = Math.round(x(video.phase[t + 1]));
       if (to > from) pen.fillRect(from, y - bar / 2, to - from, bar);
     }
+    for (const span of spansOf(page, i)) hatch(pen, x(span.first), x(span.last), y - bar / 2, bar, theme.doubt);
     pen.globalAlpha = 1;
     if (state.on[i]) contactLines(pen, x, y + bar / 2 + 2, lane - bar, video.contacts, theme);
   });
@@ -80,7 +81,7 @@ function drawWarps(canvas, page, state, theme) {
   const x = (s) => left + ((s - axis.first) / (axis.last - axis.first || 1)) * (right - left);
   const y = (s) => bottom - (s / longest) * (bottom - top);
   pen.fillStyle = theme.quiet; pen.textAlign = "left";
-  pen.fillText("own time (s) at each common time (s); thin: not sure", 2, 7, width - 4);
+  pen.fillText("tempo: seconds of each video against common seconds; thin: poor match", 2, 7, width - 4);
   for (const tick of ticks(0, longest, (bottom - top) / 28)) {
     pen.fillStyle = theme.line; pen.fillRect(left, y(tick.at), right - left, 1);
     pen.fillStyle = theme.quiet; pen.textAlign = "right"; pen.fillText(tick.text, left - 5, y(tick.at));

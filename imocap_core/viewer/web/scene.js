@@ -1,7 +1,7 @@
 // The scene: who is drawn where, in which order.
 
 const LIGHT = unit([0.45, 1, 0.55]);
-const GHOST = 0.38;
+const GHOST = 0.38, FAINT = 0.13;
 
 class Scene {
   constructor(canvas, page, antialias) {
@@ -57,7 +57,7 @@ class Scene {
     }
     if (state.skeletons) this.drawSkeletons(view, actors);
     else for (const actor of actors.filter((a) => a.alpha >= 1)) this.drawBody(view, actor);
-    if (view.through < 0) this.drawSurroundings(view, frames, state);
+    if (view.through < 0) this.drawSurroundings(view, actors, frames, state);
     if (!state.skeletons) for (const actor of actors.filter((a) => a.alpha < 1)) this.drawGhost(view, actor);
   }
 
@@ -69,14 +69,15 @@ class Scene {
     dropLines(this.gl, set);
   }
 
-  drawSurroundings(view, frames, state) {
+  drawSurroundings(view, actors, frames, state) {
     const on = this.page.videos.map((_, i) => i).filter((i) => state.on[i] && !this.page.videos[i].excluded);
     if (state.paths)
       for (const i of on) this.drawLines(view, [this.paths[i]], 3.5, state.offsets[i]);
     if (!state.cameras || state.apart) return;
-    for (const i of on.filter((i) => this.shown[i]))
+    const clear = on.filter((i) => !covers(view, this.page.videos[i], frames[i], actors));
+    for (const i of clear.filter((i) => this.shown[i]))
       this.drawPicture(view.matrix, pictureCorners(this.page.videos[i], frames[i], this.page.videos[i].view), i, 0.92);
-    const edges = lineSet(this.gl, this.lines, on.flatMap((i) => frustum(this.page.videos[i], frames[i])));
+    const edges = lineSet(this.gl, this.lines, clear.flatMap((i) => frustum(this.page.videos[i], frames[i])));
     this.drawLines(view, [edges], 2.2);
     dropLines(this.gl, edges);
   }

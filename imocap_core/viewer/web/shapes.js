@@ -37,6 +37,20 @@ function frustum(video, frame) {
   return edges.map(([from, to]) => [from, to, color]);
 }
 
+// Whether a camera stands before a performer in this view: it and its picture would cover them.
+function covers(view, video, frame, actors) {
+  const spot = (p) => landing(view.matrix, p, 1, 1), far = (p) => Math.hypot(...sub(p, view.eye));
+  const { centre } = cameraAt(video, frame);
+  const own = [centre, ...pictureCorners(video, frame)].map(spot);
+  if (own.some((p) => !p)) return true;
+  return actors.some((actor) => {
+    const body = actor.joints.map((p) => spot(add(p, actor.offset))).filter(Boolean);
+    const apart = (axis) => Math.min(...own.map((p) => p[axis])) > Math.max(...body.map((p) => p[axis]))
+      || Math.max(...own.map((p) => p[axis])) < Math.min(...body.map((p) => p[axis]));
+    return body.length && far(centre) < far(add(actor.joints[0], actor.offset)) && !apart("x") && !apart("y");
+  });
+}
+
 // The way of the pelvis: pale (the sky's colour) at the beginning, full in the end.
 function path(video, answer, shape, sky) {
   const color = rgb(video.color), count = answer.trans.length / 3, out = [];

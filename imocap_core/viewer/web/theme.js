@@ -9,7 +9,7 @@ const css = (color) => `rgb(${color.map((c) => Math.round(255 * c)).join(",")})`
 // The style's variables as hexadecimal colours; light or dark as the reader's system is.
 function readTheme() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["ink", "quiet", "line", "paper", "empty", "sky", "grid", "accent"];
+  const names = ["ink", "quiet", "line", "paper", "empty", "sky", "grid", "accent", "doubt"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 

@@ -2,12 +2,12 @@
 
 const HELP = [
   ["space", "play or pause"], ["← →", "one frame; with shift ten"], ["home, end", "to the ends"],
-  ["+ −", "speed"], ["1 … 9", "show or hide a video"], ["i", "result, monocular, or both"],
-  ["o", "in one place, or side by side"], ["c", "look through the next camera"],
-  ["f, a", "see the performers; see everything"], ["k, s", "keypoints; skeleton over the frames"],
+  ["+ −", "speed"], ["1 … 9", "show or hide a video"], ["i", "all videos together, each alone, or both"],
+  ["o", "side by side, one among ghosts, or all in one place"], ["c", "look through the next camera"],
+  ["f, a", "see the performers; see the cameras too"], ["k, s", "keypoints; skeleton over the frames"],
   ["b, u", "bodies or skeletons; colour by uncertainty"], ["l", "loop: its beginning, its end, none"],
-  ["p", "save the scene as a picture"],
-  ["drag, wheel", "turn, zoom; with shift move"], ["esc", "back to the free eye"],
+  ["click a joint", "its height; two: distance; three: angle"], ["p", "save the scene as a picture"],
+  ["drag, wheel", "turn, zoom; with shift move"], ["esc", "close, clear, back to the free eye"],
 ];
 
 function group(parent, buttons) {
@@ -24,16 +24,26 @@ function group(parent, buttons) {
 const press = (button, on) => button.setAttribute("aria-pressed", String(Boolean(on)));
 
 // The buttons over the scene; returns a function that shows the state on them.
-function makeTools(parent, beside, act) {
-  const answers = ["final", "initial", "both"];
+function makeTools(parent, beside, over, act) {
+  const answers = ["final", "initial", "both"], several = act.page.videos.length > 1;
   const shown = group(parent, [
-    ["result", "The final motion (i)", () => act.answer("final")],
-    ["monocular", "What each video alone says (i)", () => act.answer("initial")],
-    ["both", "The monocular one as a ghost (i)", () => act.answer("both")],
+    ["all together", "The motion that all videos together show (i)", () => act.answer("final")],
+    ["each alone", "What each video alone says (i)", () => act.answer("initial")],
+    ["both", "Each video alone as a ghost (i)", () => act.answer("both")],
   ]);
   const places = group(parent, [
-    ["in one place", "All in the common world (o)", () => act.apart(false)],
-    ["side by side", "Performers set apart (o)", () => act.apart(true)],
+    ["side by side", "Performers beside each other (o)", () => act.place("apart")],
+    ["one", "One performer among the others' ghosts; again for the next (o)", () => act.place("one")],
+    ["all", "All performers in one place (o)", () => act.place("all")],
+  ]);
+  places[0].parentElement.hidden = !several;
+  const views = group(over, [
+    ["front", "From the front", () => act.look("front")],
+    ["side", "From the performer's left", () => act.look("side")],
+    ["top", "From above", () => act.look("top")],
+    ["follow", "The eye goes with the performer", () => act.flip("follow")],
+    ["all cameras", "Performers and cameras (a)", () => act.fit(1)],
+    ["closer", "The performers alone (f)", () => act.fit(0)],
   ]);
   const extras = group(parent, [
     ["cameras", "Cameras with their pictures", () => act.flip("cameras")],
@@ -46,30 +56,35 @@ function makeTools(parent, beside, act) {
     ["keypoints", "Detected keypoints over the frames (k)", () => act.mark("detected")],
     ["skeleton", "The motion's skeleton over the frames (s)", () => act.mark("skeleton")],
   ]);
-  const eye = group(parent, [
-    ["see all", "Performers and cameras (a)", () => act.fit(1)],
-    ["closer", "The performers alone (f)", () => act.fit(0)],
+  const others = group(parent, [
     ["picture", "Save the scene as a picture (p)", () => act.snapshot()],
     ["link", "Copy a link to this moment", () => act.link()],
     ["keys", "All keys (?)", () => act.help()],
   ]);
+  others[2].className = "of-keys";
   return (state) => {
     shown.forEach((button, i) => press(button, state.answer === answers[i]));
-    places.forEach((button, i) => press(button, state.apart === (i === 1)));
+    places.forEach((button, i) => press(button, state.place === PLACES[i]));
+    press(views[3], state.follow);
     press(extras[0], state.cameras); press(extras[1], state.paths);
     press(extras[2], state.skeletons); press(extras[3], state.uncertainty);
     press(marks[0], state.marks.detected); press(marks[1], state.marks.skeleton);
-    press(eye[4], state.help);
+    press(others[2], state.help);
   };
 }
 
 function viewerKeys(act) {
-  const answers = { final: "initial", initial: "both", both: "final" };
+  const { state } = act, answers = { final: "initial", initial: "both", both: "final" };
   return {
-    i: () => act.answer(answers[act.state.answer]), o: () => act.apart(!act.state.apart),
-    c: () => act.next(), f: () => act.fit(0), a: () => act.fit(1), k: () => act.mark("detected"),
+    i: () => act.answer(answers[state.answer]), c: () => act.next(), f: () => act.fit(0), a: () => act.fit(1),
+    o: () => act.place(PLACES[(PLACES.indexOf(state.place) + 1) % PLACES.length]),
     b: () => act.flip("skeletons"), u: () => act.flip("uncertainty"), p: () => act.snapshot(),
-    s: () => act.mark("skeleton"), "?": () => act.help(), Escape: () => act.through(-1),
+    k: () => act.mark("detected"), s: () => act.mark("skeleton"), "?": () => act.help(),
+    Escape: () => {
+      if (state.help) act.help(false);
+      else if (state.chosen.length) act.measure(null);
+      else act.through(-1);
+    },
   };
 }
 

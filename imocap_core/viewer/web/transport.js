@@ -1,5 +1,24 @@
 // Play, step, slider, speed and loop: their controls, keys, and what they show.
 
+// While it plays, the moment of the next draw is chosen one draw early: its pictures are decoded by then.
+class Player {
+  constructor(act) {
+    Object.assign(this, { act, before: 0, promised: 0, owed: 0 });
+  }
+
+  // At a draw: go to the moment that was chosen for it. The moment of the next draw; null at rest.
+  tick(time) {
+    const { act } = this, { playing, speed } = act.state;
+    const passed = this.before ? Math.min(time - this.before, 400) / 1000 : 0;
+    this.before = playing ? time : 0;
+    if (!playing) { this.promised = this.owed = 0; return null; }
+    act.advance(this.promised * speed);
+    this.owed += passed - this.promised;
+    this.promised = clamp(passed + this.owed, 0, 0.4);
+    return act.after(this.promised * speed);
+  }
+}
+
 function showTransport(page, state) {
   const seconds = (s) => s.toFixed(2), loop = state.loop.map(seconds).join(" – ");
   $("play").textContent = state.playing ? "❚❚" : "▶";

@@ -1,0 +1,158 @@
+"""The report's first page: what a person who films wants to know, in degrees and plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.figure import Figure
+
+from imocap_core.biomechanics.angle_differences import (
+    SHOWN,
+    degrees,
+    largest,
+    plain_angle,
+    without_side,
+)
+from imocap_core.biomechanics.joint_angles import near
+from imocap_core.errors import WorkFailed
+from imocap_core.figures.page_figures import key_angle_figure
+from imocap_core.figures.style import color_of
+from imocap_core.result.result import ActionResult
+from imocap_core.result.video import VideoResult
+from imocap_core.result.video_motion import video_angles
+
+ANGLES = "angles.png"
+KEY_ANGLES = 3  # left and right of each
+SINKS_M = 0.12  # a pelvis that moves up and down by more has a lowest moment worth a name
+COLUMNS = 4  # videos that the table shows each by itself
+SENTENCES_OF_TWO, SENTENCES = 4, 5
+Curves = dict[str, Float[np.ndarray, "M N"]]  # degrees of M videos at N moments
+
+
+@dataclass(frozen=True, eq=False)
+class FirstPage:
+    """The key angles of an action.
+
+    moment: which moment the table is of, in words. head, rows: the table. differences: sentences
+    on where the videos' angles differ by more than their error. figure: the angles over time.
+    """
+
+    moment: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    differences: tuple[str, ...]
+    figure: Figure
+
+
+def first_page(result: ActionResult) -> FirstPage | None:
+    """The first page of a result; None when no video has a place on the common time axis."""
+    level = result.levelled("y")
+    try:
+        common = level.on_common_time()
+    except WorkFailed:
+        return None
+    videos = common.videos
+    each = [video_angles(video, "y", level.ground.tilt_sd_deg) for video in videos]
+    inside = np.stack([video.inside for video in videos])
+    curves = {name: _curves([a.angles_deg[name] for a in each], inside) for name in SHOWN}
+    unknown = np.full(inside.shape[1], np.nan)
+    sd = {name: np.stack([a.sd_deg.get(name, unknown) for a in each]) for name in SHOWN}
+    names = key_angles(curves)
+    t, words = key_moment(videos, inside, curves[names[0]], names[0])
+    phase_s = videos[0].phase_s
+    ids = [video.id for video in videos]
+    colors = [color_of(result.ids, video) for video in ids]
+    frames = ", ".join(f"{v.id} frame {v.frames[t]:.0f}" for v in videos if v.inside[t])
+    return FirstPage(
+        moment=f"{words}, at {phase_s[t]:.2f} s ({frames})",
+        head=_head(ids),
+        rows=tuple(_row(name, curves[name], sd[name], t) for name in names),
+        differences=tuple(differences(ids, result.reference, phase_s, curves, sd)),
+        figure=key_angle_figure(
+            ids, phase_s, {name: curves[name] for name in names}, colors, float(phase_s[t])
+        ),
+    )
+
+
+def _curves(
+    angles_deg: Sequence[Float[np.ndarray, " N"]], inside: Bool[np.ndarray, "M N"]
+) -> Float[np.ndarray, "M N"]:
+    """An angle of every video, NaN where it does not show the moment, by the same whole turns."""
+    shown = np.where(inside, np.stack(angles_deg), np.nan)
+    return np.stack([near(curve, shown[0]) for curve in shown])
+
+
+def key_angles(curves: Curves) -> list[str]:
+    """The angles that change most, both sides of each; the one that changes most first."""
+    ranges = {name: float(_range_deg(each).max()) for name, each in curves.items()}
+    order = sorted(ranges, key=lambda name: -ranges[name])
+    plain = list(dict.fromkeys(without_side(name) for name in order))[:KEY_ANGLES]
+    return [name for title in plain for name in order if without_side(name) == title]
+
+
+def _range_deg(each: Float[np.ndarray, "M N"]) -> Float[np.ndarray, " M"]:
+    shown = [values[np.isfinite(values)] for values in each]
+    return np.array([np.ptp(values) if len(values) else 0.0 for values in shown])
+
+
+def key_moment(
+    videos: Sequence[VideoResult],
+    inside: Bool[np.ndarray, "M N"],
+    angle: Float[np.ndarray, "M N"],
+    name: str,
+) -> tuple[int, str]:
+    """The index of the moment to read angles at, and what it is: where the hips are lowest when
+    they sink, else where an angle (M, N) is largest. It is one that most videos show."""
+    shown = inside.sum(axis=0)
+    most = shown == shown.max()
+    height = np.mean([video.body_joints[:, 0, 1] for video in videos], axis=0)
+    if np.ptp(height[most]) > SINKS_M:
+        return int(np.argmin(np.where(most, height, np.inf))), "Where the hips are lowest"
+    mean = np.where(most, np.nan_to_num(angle, nan=-np.inf).max(axis=0), -np.inf)
+    return int(np.argmax(mean)), f"Where the angle \u201c{plain_angle(name)}\u201d is largest"
+
+
+def _head(ids: Sequence[str]) -> tuple[str, ...]:
+    shown = tuple(ids) if len(ids) <= COLUMNS else ("lowest", "middle", "highest")
+    return ("angle", *shown, "expected error", "whole action")
+
+
+def _row(
+    name: str, each: Float[np.ndarray, "M N"], sd: Float[np.ndarray, "M N"], t: int
+) -> tuple[str, ...]:
+    now = each[:, t]
+    if len(now) > COLUMNS:
+        shown = now[np.isfinite(now)]
+        now = np.array([shown.min(), np.median(shown), shown.max()]) if len(shown) else now[:3]
+    errors = sd[np.isfinite(sd[:, t]), t]
+    error = f"± {errors.mean():.0f}°" if len(errors) else "not known"
+    span = f"{degrees(float(np.nanmin(each)))} to {degrees(float(np.nanmax(each)))}"
+    return (plain_angle(name), *(degrees(float(x)) for x in now), error, span)
+
+
+def differences(
+    ids: Sequence[str],
+    reference: str,
+    phase_s: Float[np.ndarray, " N"],
+    curves: Curves,
+    sd: Curves,
+) -> list[str]:
+    """Where videos differ most from the reference, by more than twice the expected error."""
+    if reference not in ids:
+        return []
+    r = list(ids).index(reference)
+    sentences = []
+    for m, video in enumerate(ids):
+        if m == r:
+            continue
+        sure = {}
+        for name, each in curves.items():
+            error = np.hypot(np.nan_to_num(sd[name][m]), np.nan_to_num(sd[name][r]))
+            sure[name] = np.where(np.abs(each[m] - each[r]) > 2 * error, each[m], np.nan)
+        against = {name: each[r] for name, each in curves.items()}
+        largest_first = largest(video, reference, phase_s, sure, against, {})
+        sentences += [f.sentence for f in largest_first[: SENTENCES_OF_TWO if len(ids) == 2 else 2]]
+    return sentences[:SENTENCES]
