@@ -162,7 +162,7 @@ def stage_command(
 def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     from rich.markup import escape
 
-    from imocap_core.library.report_page import report_page
+    from imocap_core.library.status import report_page
 
     for note in done.notes if verbose else shortened(done.notes):
         console.print(escape(note))

@@ -9,7 +9,6 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from imocap_core.adapters.synchronisation import joint_weights_of
-from imocap_core.biomechanics.angle_differences import SHOWN
 from imocap_core.biomechanics.joint_angles import MeanCurve, joint_angles_deg, mean_curve, near
 from imocap_core.body import Shaped
 from imocap_core.conventions import SMPL_JOINTS
@@ -21,6 +20,7 @@ from imocap_core.result.result import ActionResult
 from imocap_core.result.video_motion import body_model_of
 from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.technique import (
+    SHOWN,
     AlignedPerformances,
     Difference,
     MeanMotion,
@@ -39,7 +39,7 @@ from imocap_core.technique import (
     turned_by,
 )
 
-BODY_JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
+_BODY_JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,10 @@ def performances_of(
     shaped = body or _reference_body(result)
     R = np.stack([local_rotations(v.theta) for v in used])
     placed = shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64)).joints.numpy()
-    count = len(BODY_JOINTS)
+    count = len(_BODY_JOINTS)
     instances = AlignedPerformances(
         ids=tuple(v.id for v in used),
-        joint_names=BODY_JOINTS,
+        joint_names=_BODY_JOINTS,
         phase_s=used[0].phase_s,
         R_local=R[:, :, :count],
         joints=(placed - placed[:, :, :1])[:, :, :count],
@@ -136,7 +136,7 @@ def _reference_body(result: ActionResult) -> Shaped:
     return body_model_of(reference, hands=False).shape(torch.as_tensor(reference.betas))
 
 
-LEAST = 3  # moments that two actions must share
+_LEAST = 3  # moments that two actions must share
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +248,7 @@ def pair_of(
     phase = np.where(matched, sync.phase[1], np.nan)
     m = frame_positions(phase, axis) if matched.any() else None
     index = np.zeros(0, dtype=np.int64) if m is None else np.flatnonzero(m.inside)
-    if m is None or len(index) < LEAST:
+    if m is None or len(index) < _LEAST:
         raise WorkFailed(
             f"{first.action} and {second.action} cannot be synchronised: "
             f"{len(index)} of {len(axis)} moments match; name two performers of one action"
@@ -264,10 +264,10 @@ def pair_on_one_axis(first: Technique, second: Technique) -> TechniquePair:
     a, b = first.instances.phase_s, second.instances.phase_s
     frame = np.interp(a, b, np.arange(len(b)), left=np.nan, right=np.nan)
     index = np.flatnonzero(np.isfinite(frame))
-    if len(index) < LEAST:
+    if len(index) < _LEAST:
         raise WorkFailed(
             f"{first.action} and {second.action} share {len(index)} moments of the action, and "
-            f"{LEAST} are needed; add videos that show the same part of it"
+            f"{_LEAST} are needed; add videos that show the same part of it"
         )
     return _difference(first, second, index, frame[index])
 

@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from imocap_core.biomechanics.angle_differences import MotionDifference, in_words, largest
 from imocap_core.compare.compare import Curves, Technique, TechniqueAngles, TechniquePair
 from imocap_core.conventions import SMPL_PARENTS
 from imocap_core.figures.style import ACCENT, INK, QUIET, color_of, grid, headline, new_figure
+from imocap_core.technique import MotionDifference, in_words, largest
 
-LEAST_LATE_S = 0.1
-OF_TWO, OF_EACH = 8, 3  # sentences about two performers, and about each performance
+_LEAST_LATE_S = 0.1
+_OF_TWO, _OF_EACH = 8, 3  # sentences about two performers, and about each performance
 
 
 def markdown_list(findings: Sequence[MotionDifference]) -> list[str]:
@@ -40,7 +40,7 @@ def pair_findings(pair: TechniquePair, angles: tuple[Curves, Curves]) -> list[Mo
         {name: curve.mean_deg for name, curve in second.items()},
         {name: curve.mean_deg for name, curve in first.items()},
         {name: np.fmax(curve.sd_deg, second[name].sd_deg) for name, curve in first.items()},
-    )[:OF_TWO]
+    )[:_OF_TWO]
 
 
 def performer_names(pair: TechniquePair) -> tuple[str, str]:
@@ -60,14 +60,14 @@ def technique_findings(t: Technique, angles: TechniqueAngles) -> list[MotionDiff
         one, two = ({name: rows[m] for name, rows in angles.each.items()} for m in (0, 1))
         later_s = t.lead_s[1] - t.lead_s[0]
         return [
-            *largest(second, first, phase_s, two, one, {})[:OF_TWO],
+            *largest(second, first, phase_s, two, one, {})[:_OF_TWO],
             *_timing(second, first, phase_s, later_s),
         ]
     mean = {name: curve.mean_deg for name, curve in angles.mean.items()}
     differences = []
     for m, video in enumerate(t.instances.ids):
         each = {name: rows[m] for name, rows in angles.each.items()}
-        differences += largest(video, "the mean", phase_s, each, mean, {})[:OF_EACH]
+        differences += largest(video, "the mean", phase_s, each, mean, {})[:_OF_EACH]
         differences += _timing(video, "the mean", phase_s, t.lead_s[m])
     return differences
 
@@ -75,7 +75,7 @@ def technique_findings(t: Technique, angles: TechniqueAngles) -> list[MotionDiff
 def _timing(
     video: str, other: str, phase_s: Float[np.ndarray, " N"], lead_s: Float[np.ndarray, " N"]
 ) -> list[MotionDifference]:
-    if not np.isfinite(lead_s).any() or np.nanmax(np.abs(lead_s)) < LEAST_LATE_S:
+    if not np.isfinite(lead_s).any() or np.nanmax(np.abs(lead_s)) < _LEAST_LATE_S:
         return []
     moment = int(np.nanargmax(np.abs(lead_s)))
     word = "later" if lead_s[moment] > 0 else "earlier"
@@ -85,17 +85,17 @@ def _timing(
     return [MotionDifference(sentence, float(phase_s[moment]), None)]
 
 
-HEAT = LinearSegmentedColormap.from_list(
+_HEAT = LinearSegmentedColormap.from_list(
     "deviation", ["#ffffff", "#f6dfc8", "#e2a15f", "#c8553d", "#5f1f1a"]
 )
-MOMENTS = 7  # columns of the motion figure
-MARGIN_M = 0.08  # about the bodies of a row of pictures
+_MOMENTS = 7  # columns of the motion figure
+_MARGIN_M = 0.08  # about the bodies of a row of pictures
 JointPlaces = Float[np.ndarray, "J 3"]
 ModePose = tuple[float, JointPlaces, JointPlaces, JointPlaces]
-VIEWS = (("from the front", 0), ("from the left", 2))  # horizontal axis: x, or z reversed
+_VIEWS = (("from the front", 0), ("from the left", 2))  # horizontal axis: x, or z reversed
 
 
-def moments(count: int, columns: int = MOMENTS) -> Int[np.ndarray, " C"]:
+def moments(count: int, columns: int = _MOMENTS) -> Int[np.ndarray, " C"]:
     """Indices of `columns` moments, evenly spaced."""
     return np.unique(
         np.linspace(0.03 * (count - 1), 0.97 * (count - 1), columns).round().astype(int)
@@ -118,12 +118,12 @@ def motion_figure(
     """
     chosen = moments(len(phase_s))
     shown = each[:, chosen][inside[:, chosen]]
-    windows = [_window(shown, view) for view in range(len(VIEWS))]
+    windows = [_window(shown, view) for view in range(len(_VIEWS))]
     tall = [(y1 - y0) / max(x1 - x0 for x0, x1, _, _ in windows) for _, _, y0, y1 in windows]
     cell = 10.8 / len(chosen)
     figure = new_figure(11.4, 1.4 + cell * sum(tall))
-    axes = figure.subplots(len(VIEWS), len(chosen), squeeze=False, height_ratios=tall)
-    for view, (name, _) in enumerate(VIEWS):
+    axes = figure.subplots(len(_VIEWS), len(chosen), squeeze=False, height_ratios=tall)
+    for view, (name, _) in enumerate(_VIEWS):
         for column, t in enumerate(chosen):
             ax = axes[view, column]
             if mean is not None:
@@ -143,7 +143,7 @@ def motion_figure(
 def draw_bones(
     ax: Axes, joints: Float[np.ndarray, "J 3"], view: int, color: str, width: float
 ) -> None:
-    """One pose (J, 3) in one of `VIEWS`."""
+    """One pose (J, 3) in one of `_VIEWS`."""
     across, up = _in_view(joints, view)
     for j, parent in enumerate(SMPL_PARENTS[: len(joints)]):
         if parent >= 0:
@@ -155,14 +155,14 @@ def _in_view(
     joints: Float[np.ndarray, "... 3"], view: int
 ) -> tuple[Float[np.ndarray, "..."], Float[np.ndarray, "..."]]:
     """Horizontal and vertical coordinate of joints (..., 3) in a view."""
-    return (joints[..., 0] if VIEWS[view][1] == 0 else -joints[..., 2]), joints[..., 1]
+    return (joints[..., 0] if _VIEWS[view][1] == 0 else -joints[..., 2]), joints[..., 1]
 
 
 def _window(bodies: Float[np.ndarray, "... J 3"], view: int) -> tuple[float, float, float, float]:
     """Limits of a picture that shows all bodies (..., J, 3): left, right, below, above, metres."""
     across, up = _in_view(bodies, view)
-    wide = float(np.abs(across).max()) + MARGIN_M
-    return -wide, wide, float(up.min()) - MARGIN_M, float(up.max()) + MARGIN_M
+    wide = float(np.abs(across).max()) + _MARGIN_M
+    return -wide, wide, float(up.min()) - _MARGIN_M, float(up.max()) + _MARGIN_M
 
 
 def deviation_figure(
@@ -181,7 +181,7 @@ def deviation_figure(
         top = float(np.quantile(finite, 0.99)) if len(finite) else 1.0
         edges = _edges(phase_s)
         rows = np.arange(len(names) + 1) - 0.5
-        picture = ax.pcolormesh(edges, rows, values.T, cmap=HEAT, vmin=0, vmax=max(top, 1e-6))
+        picture = ax.pcolormesh(edges, rows, values.T, cmap=_HEAT, vmin=0, vmax=max(top, 1e-6))
         figure.colorbar(picture, ax=ax, pad=0.015, fraction=0.05).outline.set_visible(False)
         ax.set_title(unit)
         ax.set_xlabel("phase (s of the reference)")
@@ -226,7 +226,7 @@ def modes_figure(
             ):
                 draw_bones(ax, body, view, color, width)
             _bare(ax, _window(np.stack(bodies), view))
-            ax.set_title(f"{at_s:.2f} s, {VIEWS[view][0]}", fontsize=8.5)
+            ax.set_title(f"{at_s:.2f} s, {_VIEWS[view][0]}", fontsize=8.5)
     headline(
         figure,
         "Ways to differ",

@@ -12,7 +12,6 @@ import torch
 from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 
-from imocap_core.biomechanics.angle_differences import MotionDifference, in_words, plain_angle
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
@@ -37,17 +36,17 @@ from imocap_core.figures.style import VIDEO_COLORS, quiet, save
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.result.video import VideoResult
-from imocap_core.technique import along_mode, over_moments
+from imocap_core.technique import MotionDifference, along_mode, in_words, over_moments, plain_angle
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
 from imocap_core.viewer.viewer_video import picture_entry, stride, windows
 
-MEAN_COLOR = "#6b7480"
-MOST_PICTURES = 400  # of all bodies together
-OF_VIEWER_ALONE = ("cards.js", "verdict.js", "chooser.js", "main.js")
-SHARED = tuple(name for name in viewer.SCRIPTS if name not in OF_VIEWER_ALONE)
-OWN = ("compare.js",)
-PACKAGE = "imocap_core.compare"
+_MEAN_COLOR = "#6b7480"
+_MOST_PICTURES = 400  # of all bodies together
+_OF_VIEWER_ALONE = ("cards.js", "verdict.js", "chooser.js", "main.js")
+_SHARED = tuple(name for name in viewer.SCRIPTS if name not in _OF_VIEWER_ALONE)
+_OWN = ("compare.js",)
+_PACKAGE = "imocap_core.compare"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,7 @@ def technique_page(
     nothing = np.full(len(each.phase_s), np.nan)
     count = np.ones(len(each.phase_s), dtype=np.int64)
     bodies = [
-        ShownBody("mean", MEAN_COLOR, t.mean.R_local, t.mean.joints, each.shown > 0),
+        ShownBody("mean", _MEAN_COLOR, t.mean.R_local, t.mean.joints, each.shown > 0),
         *(
             ShownBody(video, VIDEO_COLORS[m % len(VIDEO_COLORS)], R, joints, inside)
             for m, (video, R, joints, inside) in enumerate(
@@ -164,7 +163,7 @@ def _page(
     filmed: Mapping[str, Filmed] | None = None,
 ) -> str:
     block, filmed = Block(), filmed or {}
-    every = stride([len(each.frames) for each in filmed.values()], MOST_PICTURES)
+    every = stride([len(each.frames) for each in filmed.values()], _MOST_PICTURES)
     step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
     ends = {"first": float(phase_s[0]), "last": float(phase_s[-1])}
     header = {
@@ -194,9 +193,9 @@ def _page(
         header,
         block,
         "comparison",
-        viewer.source("compare.html", PACKAGE),
-        viewer.source("style.css") + viewer.source("compare.css", PACKAGE),
-        viewer.joined(SHARED) + viewer.joined(OWN, PACKAGE),
+        viewer.source("compare.html", _PACKAGE),
+        viewer.source("style.css") + viewer.source("compare.css", _PACKAGE),
+        viewer.joined(_SHARED) + viewer.joined(_OWN, _PACKAGE),
     )
 
 
@@ -242,7 +241,7 @@ def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
     }
 
 
-SHOWN_MODES = 3
+_SHOWN_MODES = 3
 
 
 def write_technique(
@@ -267,7 +266,7 @@ def write_technique(
         if t.modes.share.size:
             pictures["modes.png"] = parts.modes_figure(
                 each.ids, t.modes.share, t.modes.scores, t.modes.of_joints(), names,
-                [_mode_pose(t, k) for k in range(min(SHOWN_MODES, len(t.modes.share)))],
+                [_mode_pose(t, k) for k in range(min(_SHOWN_MODES, len(t.modes.share)))],
             )  # fmt: skip
         if np.isfinite(t.lead_s).any():
             pictures["timing.png"] = parts.timing_figure(each.ids, each.phase_s, t.lead_s)

@@ -17,15 +17,15 @@ from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import DPI, QUIET, headline, new_figure
 from imocap_core.render import Light, draw_mesh
 
-RADIUS_PX = 3  # of a keypoint's dot
+_RADIUS_PX = 3  # of a keypoint's dot
 Image = UInt8[np.ndarray, "_ _ 3"]  # height, width, RGB
 
 CELL_PX = (216, 270)
 """Width and height of one picture of a contact sheet."""
-GAP_PX = 5
+_GAP_PX = 5
 
 LEFT_RGB, RIGHT_RGB, MIDDLE_RGB = (232, 151, 61), (62, 137, 201), (240, 240, 240)
-BODY_RGB = (178, 196, 214)
+_BODY_RGB = (178, 196, 214)
 PAPER_RGB = (247, 248, 249)
 LIGHT = Light(towards_lamp=(-0.35, -0.55, -0.76), up=(0.0, -1.0, 0.0))
 """Lamp over the camera's shoulder, in camera axes (y down, z away)."""
@@ -98,7 +98,7 @@ def draw_keypoints(
 ) -> Image:
     """Dots in cell pixels: orange left, blue right, fainter with lower confidence."""
     drawn = cell.copy()
-    reach = RADIUS_PX + 3  # pixels from a dot's centre that it can touch
+    reach = _RADIUS_PX + 3  # pixels from a dot's centre that it can touch
     for point, trust, name in zip(xy_px, confidence, names, strict=True):
         if trust > 0 and np.isfinite(point).all():
             x, y = round(float(point[0])), round(float(point[1]))
@@ -108,8 +108,8 @@ def draw_keypoints(
                 continue
             mark = part.copy()
             centre = (x - left, y - top)
-            cv2.circle(mark, centre, RADIUS_PX + 1, (25, 28, 32), -1, cv2.LINE_AA)
-            cv2.circle(mark, centre, RADIUS_PX, _side_rgb(name), -1, cv2.LINE_AA)
+            cv2.circle(mark, centre, _RADIUS_PX + 1, (25, 28, 32), -1, cv2.LINE_AA)
+            cv2.circle(mark, centre, _RADIUS_PX, _side_rgb(name), -1, cv2.LINE_AA)
             share = 0.3 + 0.7 * min(float(trust), 1.0)
             part[:] = cv2.addWeighted(mark, share, part, 1 - share, 0)
     return drawn
@@ -140,7 +140,7 @@ def draw_body(
     K_cell: Float[np.ndarray, "3 3"],
 ) -> Image:
     """The surface in the axes of the cell's camera, over the picture."""
-    color = np.array(BODY_RGB, dtype=np.float64)
+    color = np.array(_BODY_RGB, dtype=np.float64)
     eye, zero = np.eye(3), np.zeros(3)
     return draw_mesh(cell, vertices_m, faces, color, K_cell, eye, zero, alpha=0.85, light=LIGHT)
 
@@ -159,7 +159,7 @@ def from_the_side(
     extent = (high - low)[:, :2].max(axis=0)
     focal = far_m * 0.9 * float((np.array(CELL_PX) / extent).min())
     K = np.array([[focal, 0, CELL_PX[0] / 2], [0, focal, CELL_PX[1] / 2], [0, 0, 1]])
-    color = np.array(BODY_RGB, dtype=np.float64)
+    color = np.array(_BODY_RGB, dtype=np.float64)
     eye, zero = np.eye(3), np.zeros(3)
     centred = turned - ((low + high) / 2)[:, None] + [0, 0, far_m]
     return [
@@ -175,7 +175,7 @@ def contact_sheet(
     subtitle: str,
 ) -> Figure:
     """Pictures in a grid at full resolution, with row names at the left and column names below."""
-    width, height = CELL_PX[0] + GAP_PX, CELL_PX[1] + GAP_PX
+    width, height = CELL_PX[0] + _GAP_PX, CELL_PX[1] + _GAP_PX
     mosaic = np.full((height * len(rows), width * len(column_names), 3), 255, dtype=np.uint8)
     for r, pictures in enumerate(rows):
         for c, picture in enumerate(pictures):

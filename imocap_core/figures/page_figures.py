@@ -14,16 +14,16 @@ from matplotlib.figure import Figure
 
 from imocap_core.adapters.sync_maps import maps_of, nearest_by_affinity
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary, Table, Uncertainty
-from imocap_core.biomechanics.angle_differences import plain_angle, without_side
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.conventions import EVAL_12, EVAL_INDICES
 from imocap_core.figures.overlays import CELL_PX, Image
 from imocap_core.figures.style import ACCENT, DPI, INK, QUIET, color_of, grid, headline, new_figure
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
+from imocap_core.technique import plain_angle, without_side
 
 Positions = Int[np.ndarray, " T"]  # where each frame of the trip's first video is
 
-EXAMPLES = 5
+_EXAMPLES = 5
 
 
 def chosen_trip(sync: Sync) -> list[str]:
@@ -65,7 +65,7 @@ def cycle_starts(sync: Sync, trip: Sequence[str]) -> list[int]:
             index = np.arange(len(inside))
             inside &= (index >= matched.min()) & (index <= matched.max())
     frames = np.flatnonzero(inside) if inside.any() else np.arange(len(inside))
-    examples = np.linspace(0.08, 0.92, EXAMPLES) * (len(frames) - 1)
+    examples = np.linspace(0.08, 0.92, _EXAMPLES) * (len(frames) - 1)
     return [int(frames[k]) for k in np.unique(np.rint(examples).astype(int))]
 
 
@@ -79,9 +79,9 @@ def cycle_frames(sync: Sync, trip: Sequence[str], starts: Sequence[int]) -> dict
     return shown
 
 
-SHARE = 0.55  # of a contact sheet's cell
-LEFT_PX, TOP_PX, BELOW_PX, RIGHT_PX, LINE_PX = 150, 62, 26, 430, 22
-NEAR_FRAMES = 2  # trips that end this close to their start count as closed
+_SHARE = 0.55  # of a contact sheet's cell
+_LEFT_PX, _TOP_PX, _BELOW_PX, _RIGHT_PX, _LINE_PX = 150, 62, 26, 430, 22
+_NEAR_FRAMES = 2  # trips that end this close to their start count as closed
 
 
 def cycle_figure(
@@ -108,17 +108,17 @@ def cycle_figure(
     pictures.append([(trip[0], int(before[-1][s])) for s in starts])
     names = [f"{trip[0]}: start", *(f"to {i}" for i in trip[1:]), f"back in {trip[0]}"]
     names.append("back, by the\naffinities alone")
-    width, height = (round(SHARE * side) for side in CELL_PX)
+    width, height = (round(_SHARE * side) for side in CELL_PX)
     size = (
-        LEFT_PX + len(starts) * (width + 6) + RIGHT_PX,
-        TOP_PX + len(pictures) * (height + LINE_PX) + BELOW_PX,
+        _LEFT_PX + len(starts) * (width + 6) + _RIGHT_PX,
+        _TOP_PX + len(pictures) * (height + _LINE_PX) + _BELOW_PX,
     )
     figure = new_figure(size[0] / DPI, size[1] / DPI, arranged=False)
     for r, row in enumerate(pictures):
-        top = TOP_PX + r * (height + LINE_PX)
-        _text(figure, names[r], LEFT_PX - 12, top + height / 2, size, INK, "right")
+        top = _TOP_PX + r * (height + _LINE_PX)
+        _text(figure, names[r], _LEFT_PX - 12, top + height / 2, size, INK, "right")
         for c, (video, index) in enumerate(row):
-            left = LEFT_PX + c * (width + 6)
+            left = _LEFT_PX + c * (width + 6)
             small = cv2.resize(cells[video][index], (width, height), interpolation=cv2.INTER_AREA)
             bottom = size[1] - top - height
             figure.figimage(small, left, bottom, origin="upper")
@@ -126,9 +126,9 @@ def cycle_figure(
             if r >= len(trip):
                 off = index - int(starts[c])
                 caption = f"{frames[video][index]} ({format(off, '+d') if off else '0'})"
-                color = ACCENT if abs(off) > NEAR_FRAMES else color
+                color = ACCENT if abs(off) > _NEAR_FRAMES else color
             _text(figure, caption, left + width / 2, top + height + 10, size, color, "center")
-    plot = (size[0] - RIGHT_PX + 90, 70, RIGHT_PX - 110, size[1] - TOP_PX - 100)
+    plot = (size[0] - _RIGHT_PX + 90, 70, _RIGHT_PX - 110, size[1] - _TOP_PX - 100)
     box = (plot[0] / size[0], plot[1] / size[1], plot[2] / size[0], plot[3] / size[1])
     _returns(figure.add_axes(box), before, after, frames[trip[0]], trip)
     there = ", on to ".join(trip[1:])
@@ -153,8 +153,8 @@ def _returns(
         (after, "#28588a", "cycle-consistent"),
     ):
         off = positions[-1] - positions[0]
-        closed = float(np.mean(np.abs(off) <= NEAR_FRAMES))
-        label = f"{name}: {closed:.0%} within {NEAR_FRAMES}"
+        closed = float(np.mean(np.abs(off) <= _NEAR_FRAMES))
+        label = f"{name}: {closed:.0%} within {_NEAR_FRAMES}"
         ax.plot(frames, off, color=color, lw=1.4, label=label)
     ax.axhline(0, color=QUIET, lw=0.7)
     ax.set_title("end minus start of each round trip")
@@ -173,7 +173,7 @@ def _text(
     figure.text(x / size[0], 1 - y / size[1], text, color=color, ha=side, va="center", fontsize=7.5)
 
 
-CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(
+_CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(
     "uncertain", ["#f4f6f8", "#f0d3b8", "#d98b4a", "#a3432c", "#5a1f1a"]
 )
 
@@ -208,7 +208,7 @@ def uncertainty_figure(
     shown = by_moment[:, order].T
     image = over.imshow(
         shown,
-        cmap=CERTAIN_TO_UNCERTAIN,
+        cmap=_CERTAIN_TO_UNCERTAIN,
         vmin=0,
         vmax=float(np.nanquantile(shown, 0.98)),
         aspect="auto",
@@ -256,12 +256,12 @@ def _errors(by_joint: Table | None) -> Mapping[str, float]:
     }
 
 
-COLUMNS = 3
-WIDTH_IN = 9.6
-GAPS = {"hspace": 0.32, "wspace": 0.16}  # of a panel
-LEFT, RIGHT, MIDDLE = "#31689b", "#d0802f", "#4a5058"
-SIDES = (("left_", LEFT), ("right_", RIGHT))
-SUBTITLE = (
+_COLUMNS = 3
+_WIDTH_IN = 9.6
+_GAPS = {"hspace": 0.32, "wspace": 0.16}  # of a panel
+_LEFT, _RIGHT, _MIDDLE = "#31689b", "#d0802f", "#4a5058"
+_SIDES = (("left_", _LEFT), ("right_", _RIGHT))
+_SUBTITLE = (
     "degrees against seconds of the reference; line: mean of the performances, band: one standard "
     "deviation. Definitions: docs/angles.md"
 )
@@ -274,11 +274,11 @@ def angle_figure(
     titles = list(dict.fromkeys(map(without_side, curves)))
     joints = list(dict.fromkeys(title.partition("_")[0] for title in titles))
     height = 0.9 + 1.45 * len(joints)
-    figure = new_figure(WIDTH_IN, height, arranged=False)  # panels of one size: nothing to arrange
-    edges = {"left": 0.48 / WIDTH_IN, "right": 1 - 0.12 / WIDTH_IN}
+    figure = new_figure(_WIDTH_IN, height, arranged=False)  # panels of one size: nothing to arrange
+    edges = {"left": 0.48 / _WIDTH_IN, "right": 1 - 0.12 / _WIDTH_IN}
     edges |= {"bottom": 0.42 / height, "top": 1 - 0.84 / height}
     axes = figure.subplots(
-        len(joints), COLUMNS, sharex=True, squeeze=False, gridspec_kw=edges | GAPS
+        len(joints), _COLUMNS, sharex=True, squeeze=False, gridspec_kw=edges | _GAPS
     )
     for row, joint in enumerate(joints):
         of_joint = [title for title in titles if title.partition("_")[0] == joint]
@@ -291,15 +291,15 @@ def angle_figure(
         ax.set_xlabel("s")
     handles, labels = axes[joints.index("hip"), 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper right", ncols=2)
-    headline(figure, f"{action}: joint angles", SUBTITLE)
+    headline(figure, f"{action}: joint angles", _SUBTITLE)
     return figure
 
 
 def _panel(
     ax: Axes, title: str, phase_s: Float[np.ndarray, " N"], curves: Mapping[str, MeanCurve]
 ) -> None:
-    sides = [(p + title, p.rstrip("_"), c) for p, c in SIDES if p + title in curves]
-    for name, label, colour in sides or [(title, "", MIDDLE)]:
+    sides = [(p + title, p.rstrip("_"), c) for p, c in _SIDES if p + title in curves]
+    for name, label, colour in sides or [(title, "", _MIDDLE)]:
         curve = curves[name]
         low, high = curve.mean_deg - curve.sd_deg, curve.mean_deg + curve.sd_deg
         ax.fill_between(phase_s, low, high, color=colour, alpha=0.2, linewidth=0)
@@ -321,7 +321,7 @@ def key_angle_figure(
     curves: degrees by the angle's name, NaN where a video does not show the moment.
     """
     rows = -(-len(curves) // 2)
-    figure = new_figure(WIDTH_IN * 0.7, 0.8 + 1.5 * rows)
+    figure = new_figure(_WIDTH_IN * 0.7, 0.8 + 1.5 * rows)
     axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
     for ax, (name, each) in zip(axes.flat, curves.items(), strict=False):
         for video, color, values in zip(ids, colors, each, strict=True):

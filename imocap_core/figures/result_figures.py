@@ -25,8 +25,8 @@ from imocap_core.figures.style import (
     new_figure,
 )
 
-FRUSTUM_M = 0.45
-SHOWN_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+_FRUSTUM_M = 0.45
+_SHOWN_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """Camera axes (right, down, forward) to plot axes (right, forward, up)."""
 
 
@@ -44,9 +44,9 @@ def scene_figure(
     for motion, camera in zip(motions, cameras, strict=True):
         color = color_of(ids, camera.id)
         root = (motion.joints[:, 0] - camera.t) @ camera.R  # world = R^T (x_cam - t)
-        root = root[np.isfinite(root).all(axis=1)] @ SHOWN_FROM_WORLD.T
+        root = root[np.isfinite(root).all(axis=1)] @ _SHOWN_FROM_WORLD.T
         corners = _frustum(camera)
-        walk = (camera.path_m - camera.t) @ camera.R @ SHOWN_FROM_WORLD.T
+        walk = (camera.path_m - camera.t) @ camera.R @ _SHOWN_FROM_WORLD.T
         everything += [root, corners, walk]
         _draw_solid(solid, corners, root, color, camera.id)
         _draw_camera(above, corners, color, camera.id)
@@ -74,8 +74,8 @@ def _frustum(camera: Camera) -> Float[np.ndarray, "5 3"]:
     """Centre and four image corners of a camera, in plot axes."""
     half = np.array([camera.K[0, 2] / camera.K[0, 0], camera.K[1, 2] / camera.K[1, 1]])
     corners = [[sx * half[0], sy * half[1], 1.0] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    in_camera = FRUSTUM_M * np.array([[0.0, 0, 0], *corners])
-    return np.asarray((in_camera - camera.t) @ camera.R @ SHOWN_FROM_WORLD.T)
+    in_camera = _FRUSTUM_M * np.array([[0.0, 0, 0], *corners])
+    return np.asarray((in_camera - camera.t) @ camera.R @ _SHOWN_FROM_WORLD.T)
 
 
 def _draw_solid(

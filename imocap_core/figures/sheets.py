@@ -55,8 +55,8 @@ def surfaces(
     return np.asarray(posed_body(model, motion, list(frames)).mesh().vertices.numpy())
 
 
-COLUMNS = 6
-GAP_FRAMES = 4.0
+_COLUMNS = 6
+_GAP_FRAMES = 4.0
 """A moment of the reference further than this from every matched frame has no picture."""
 
 
@@ -117,7 +117,7 @@ def sheet_videos(
     ]
 
 
-def spread(count: int, columns: int = COLUMNS) -> Int[np.ndarray, " _"]:
+def spread(count: int, columns: int = _COLUMNS) -> Int[np.ndarray, " _"]:
     """Indices of ``columns`` frames, evenly over ``count``, without the ends."""
     return np.unique(
         np.linspace(0.06 * (count - 1), 0.94 * (count - 1), columns).round().astype(int)
@@ -134,7 +134,7 @@ def frames_of_moments(sync_map: SyncMap, moments: Real[np.ndarray, " N"]) -> lis
     for moment in moments.astype(np.float64):
         distance = np.abs(reference_frame - moment)
         nearest = int(np.nanargmin(distance))
-        inside = first <= moment <= last and distance[nearest] <= GAP_FRAMES
+        inside = first <= moment <= last and distance[nearest] <= _GAP_FRAMES
         chosen.append(nearest if inside else None)
     return chosen
 
@@ -252,10 +252,10 @@ def most_different_frames(first: VideoMotion, last: VideoMotion, count: int) -> 
 
 def picks_of(videos: Sequence[SheetVideo]) -> list[tuple[int, int]]:
     """(video, index of a used frame) per column: where monocular and final motion differ most."""
-    each = max(1, COLUMNS // len(videos))
+    each = max(1, _COLUMNS // len(videos))
     return [
         (v, t)
-        for v, video in enumerate(videos[:COLUMNS])
+        for v, video in enumerate(videos[:_COLUMNS])
         for t in most_different_frames(video.monocular, video.final, each)
     ]
 
@@ -294,7 +294,7 @@ def results_sheet(
     )
 
 
-ARMS_DOWN_RAD = 1.1  # of the rest pose beside the phases
+_ARMS_DOWN_RAD = 1.1  # of the rest pose beside the phases
 CAPTION = (
     "The recovered body of {video} from its front, its right side and its back. The first "
     "column is the same body at rest. The colours are the torso's segments: in an upright pose "
@@ -372,7 +372,7 @@ def _at_rest(model: Model, betas: Float[np.ndarray, " B"]) -> Float[np.ndarray, 
     """The body's surface with its arms lowered, on the ground of the upright world."""
     theta = torch.zeros(len(model.joint_names), 3, dtype=torch.float64)
     for name, sign in (("left_shoulder", -1.0), ("right_shoulder", 1.0)):
-        theta[model.joint_names.index(name), 2] = sign * ARMS_DOWN_RAD
+        theta[model.joint_names.index(name), 2] = sign * _ARMS_DOWN_RAD
     shaped = model.shape(torch.from_numpy(betas))
     posed = shaped.pose(rotations.exp(theta), torch.zeros(3, dtype=torch.float64))
     vertices = posed.mesh().vertices.numpy()

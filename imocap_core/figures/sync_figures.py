@@ -30,7 +30,7 @@ from imocap_core.figures.sync_summary import seconds_at, sync_rows, title_of
 
 Positions = Float[np.ndarray, " T"]  # fractional index into the reference's used frames
 
-AFFINITY = LinearSegmentedColormap.from_list(
+_AFFINITY = LinearSegmentedColormap.from_list(
     "affinity", ["#ffffff", "#d5e1ec", "#7fa3c4", "#28588a", "#122b45"]
 )
 
@@ -87,7 +87,7 @@ def draw_affinity(
     low, high = np.quantile(block, [0.02, 0.998])
     ax.imshow(
         block,
-        cmap=AFFINITY,
+        cmap=_AFFINITY,
         vmin=low,
         vmax=max(high, low + 1e-6),
         origin="lower",
@@ -213,13 +213,13 @@ def rounds_figure(
     return figure
 
 
-WIDTH_IN = 12.4  # 1612 pixels
-COLUMNS = 4
-MATRIX_IN = 2.9
-CURVES_IN = 4.6
-PACE_SMOOTH_S = 0.25
-PACE_SHOWN = 4.0  # from a quarter to four times
-WIDEST_BAND_S = 0.5
+_WIDTH_IN = 12.4  # 1612 pixels
+_COLUMNS = 4
+_MATRIX_IN = 2.9
+_CURVES_IN = 4.6
+_PACE_SMOOTH_S = 0.25
+_PACE_SHOWN = 4.0  # from a quarter to four times
+_WIDEST_BAND_S = 0.5
 
 
 def sync_picture(keypoints: Keypoints, sync: Sync, *, reach_s: float) -> Figure:
@@ -229,10 +229,10 @@ def sync_picture(keypoints: Keypoints, sync: Sync, *, reach_s: float) -> Figure:
         reach_s: confidence is the probability that the match is within this many seconds.
     """
     others = [i for i in sync.ids if i != sync.reference]
-    rows = ceil(len(others) / COLUMNS)
-    figure = new_figure(WIDTH_IN, 0.75 + MATRIX_IN * rows + CURVES_IN)
+    rows = ceil(len(others) / _COLUMNS)
+    figure = new_figure(_WIDTH_IN, 0.75 + _MATRIX_IN * rows + _CURVES_IN)
     above, below = figure.subfigures(
-        2, 1, squeeze=False, height_ratios=[0.75 + MATRIX_IN * rows, CURVES_IN]
+        2, 1, squeeze=False, height_ratios=[0.75 + _MATRIX_IN * rows, _CURVES_IN]
     )[:, 0]
     videos = {v.id: v for v in keypoints.videos}
     _matrices(above, sync, videos, others)
@@ -253,8 +253,8 @@ def sync_picture(keypoints: Keypoints, sync: Sync, *, reach_s: float) -> Figure:
 def _matrices(
     place: Figure | SubFigure, sync: Sync, videos: dict[str, VideoKeypoints], others: list[str]
 ) -> None:
-    rows = ceil(len(others) / COLUMNS)
-    axes = place.subplots(rows, min(COLUMNS, len(others)), squeeze=False)
+    rows = ceil(len(others) / _COLUMNS)
+    axes = place.subplots(rows, min(_COLUMNS, len(others)), squeeze=False)
     reference = videos[sync.reference]
     for number, ax in enumerate(axes.flat):
         if number >= len(others):
@@ -273,7 +273,7 @@ def _matrices(
             title_of(sync, video.id), color=color_of(sync.ids, video.id), fontweight="bold"
         )
         ax.set_xlabel(f"frame of {video.id}")
-        if number % COLUMNS == 0:
+        if number % _COLUMNS == 0:
             ax.set_ylabel(f"frame of {reference.id}")
         ax.spines[:].set_visible(False)
 
@@ -314,7 +314,7 @@ def _paces(ax: Axes, keypoints: Keypoints, sync: Sync) -> None:
         if video.id == sync.reference:
             continue
         there = _seconds_there(map_of(sync, video.id), reference)
-        pace = pace_of(there, _seconds(video), PACE_SMOOTH_S * video.fps)
+        pace = pace_of(there, _seconds(video), _PACE_SMOOTH_S * video.fps)
         ax.plot(there, pace, color=color_of(sync.ids, video.id), lw=1.5)
         shown.append(pace)
     ax.axhline(1.0, color=QUIET, lw=1.0, ls=(0, (3, 3)))
@@ -333,7 +333,7 @@ def _pace_limits(paces: list[Float[np.ndarray, " _"]]) -> tuple[float, float]:
     """A range that contains nearly all of the curves, and 1."""
     every = np.concatenate([np.ones(1), *paces])
     low, high = np.nanquantile(every, [0.02, 0.98])
-    return max(0.9 * min(low, 0.8), 1 / PACE_SHOWN), min(1.1 * max(high, 1.25), PACE_SHOWN)
+    return max(0.9 * min(low, 0.8), 1 / _PACE_SHOWN), min(1.1 * max(high, 1.25), _PACE_SHOWN)
 
 
 def _confidences(ax: Axes, videos: dict[str, VideoKeypoints], sync: Sync) -> None:
@@ -364,9 +364,9 @@ def pace_of(
 
 def uncertainty_s(confidence: Float[np.ndarray, " T"], reach_s: float) -> Float[np.ndarray, " T"]:
     """Standard deviation of a normal error that is within reach_s with this probability, in
-    seconds, at most WIDEST_BAND_S."""
+    seconds, at most _WIDEST_BAND_S."""
     sure = np.clip(np.nan_to_num(confidence), 1e-3, 1 - 1e-6)
-    return np.minimum(reach_s / (np.sqrt(2) * erfinv(sure)), WIDEST_BAND_S)
+    return np.minimum(reach_s / (np.sqrt(2) * erfinv(sure)), _WIDEST_BAND_S)
 
 
 def _seconds(video: VideoKeypoints) -> Float[np.ndarray, " T"]:

@@ -9,9 +9,9 @@ from jaxtyping import Bool, Float, Int, Real
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 
-GAP_S = 0.15
+_GAP_S = 0.15
 """A moment further than this from every frame of a video is unmatched in it."""
-END_FRAMES = 1.0
+_END_FRAMES = 1.0
 """So is a moment further than this before the first or after the last of them."""
 
 
@@ -103,8 +103,8 @@ def retimed(
     there = np.maximum.accumulate(position[placed])
     index = np.rint(np.interp(moments, there, placed)).astype(np.int64)
     distance = np.abs(there[None, :] - moments[:, None]).min(axis=1)
-    inside = (moments >= there[0] - END_FRAMES) & (moments <= there[-1] + END_FRAMES)
-    return np.maximum.accumulate(index), inside & (distance <= max(END_FRAMES, GAP_S * fps))
+    inside = (moments >= there[0] - _END_FRAMES) & (moments <= there[-1] + _END_FRAMES)
+    return np.maximum.accumulate(index), inside & (distance <= max(_END_FRAMES, _GAP_S * fps))
 
 
 def title_of(sync: SyncSummary, video: str) -> str:

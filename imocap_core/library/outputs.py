@@ -12,8 +12,8 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.export_options import ExportOptions as ExportOptions
 from imocap_core.files import record_made
 from imocap_core.library.api_errors import Params, one_off, plain_errors
-from imocap_core.library.report_page import report_page
 from imocap_core.library.result import Result, html_file
+from imocap_core.library.status import report_page
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.generation import generation, run_command
 from imocap_core.pipeline.runner import Job

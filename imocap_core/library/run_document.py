@@ -19,7 +19,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.diagnostics.findings import verdict_document
 from imocap_core.figures.sync_summary import SyncRow, sync_rows
-from imocap_core.library.report_page import report_page
+from imocap_core.library.status import report_page
 from imocap_core.result.artifacts import STAGE_OF, Artifacts, artifacts_of_stages
 
 if TYPE_CHECKING:

@@ -89,6 +89,15 @@ def verdict(
     return None if judged is None else verdict_document(judged)
 
 
+def report_page(job: Job) -> Path | None:
+    """The page of an action's report to open first; the folder itself when it has none."""
+    folder = job.store.report(job.action.name)
+    for name in ("report.html", "index.html", "report.md", "index.md"):
+        if (folder / name).is_file():
+            return folder / name
+    return folder if folder.is_dir() else None
+
+
 def stored_of(statuses: Iterable[StageStatus]) -> dict[str, Stored]:
     """The cached results by stage."""
     return {s.stage: s.stored for s in statuses if s.stored is not None}

@@ -19,7 +19,7 @@ from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.report.page_files import PAGE, TEXT, refresh_pages
 
-MADE_BY = ("report/write_page.py", "report/page.py", "diagnostics/action_verdict.py")
+_MADE_BY = ("report/write_page.py", "report/page.py", "diagnostics/action_verdict.py")
 NEEDED = {
     "keypoints": "Keypoints",
     "camera_motion": "CameraMotion",
@@ -122,7 +122,7 @@ def _stamp(
 ) -> str:
     """A digest of everything that the page shows, and of the code that draws it."""
     core = PROJECT / "imocap_core"
-    code = {name: digest for file in MADE_BY for name, digest in closure(core / file).items()}
+    code = {name: digest for file in _MADE_BY for name, digest in closure(core / file).items()}
     results = {stage: stored[stage].digest for stage in NEEDED}
     content = [
         results,

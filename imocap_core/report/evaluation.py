@@ -101,7 +101,7 @@ def all_scores_table(scores: ActionScores) -> Table:
     return long_table([*per_video, *scores.summary])
 
 
-ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}
+_ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}
 
 
 def draw_plots(
@@ -234,7 +234,7 @@ def _rounds(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Figur
         return None
     scored = {
         title: [error[metric] for error in errors]
-        for metric, title in ROUND_ERRORS.items()
+        for metric, title in _ROUND_ERRORS.items()
         if all(metric in error for error in errors)
     }
     costs = [r.cost for r in refined.rounds]

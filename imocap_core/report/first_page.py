@@ -9,13 +9,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
-from imocap_core.biomechanics.angle_differences import (
-    SHOWN,
-    degrees,
-    largest,
-    plain_angle,
-    without_side,
-)
 from imocap_core.biomechanics.joint_angles import near
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.page_figures import key_angle_figure
@@ -23,12 +16,19 @@ from imocap_core.figures.style import color_of
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import video_angles
+from imocap_core.technique import (
+    SHOWN,
+    degrees,
+    largest,
+    plain_angle,
+    without_side,
+)
 
 ANGLES = "angles.png"
-KEY_ANGLES = 3  # left and right of each
-SINKS_M = 0.12  # a pelvis that moves up and down by more has a lowest moment worth a name
-COLUMNS = 4  # videos that the table shows each by itself
-SENTENCES_OF_TWO, SENTENCES = 4, 5
+_KEY_ANGLES = 3  # left and right of each
+_SINKS_M = 0.12  # a pelvis that moves up and down by more has a lowest moment worth a name
+_COLUMNS = 4  # videos that the table shows each by itself
+_SENTENCES_OF_TWO, _SENTENCES = 4, 5
 Curves = dict[str, Float[np.ndarray, "M N"]]  # degrees of M videos at N moments
 
 
@@ -89,7 +89,7 @@ def key_angles(curves: Curves) -> list[str]:
     """The angles that change most, both sides of each; the one that changes most first."""
     ranges = {name: float(_range_deg(each).max()) for name, each in curves.items()}
     order = sorted(ranges, key=lambda name: -ranges[name])
-    plain = list(dict.fromkeys(without_side(name) for name in order))[:KEY_ANGLES]
+    plain = list(dict.fromkeys(without_side(name) for name in order))[:_KEY_ANGLES]
     return [name for title in plain for name in order if without_side(name) == title]
 
 
@@ -109,14 +109,14 @@ def key_moment(
     shown = inside.sum(axis=0)
     most = shown == shown.max()
     height = np.mean([video.body_joints[:, 0, 1] for video in videos], axis=0)
-    if np.ptp(height[most]) > SINKS_M:
+    if np.ptp(height[most]) > _SINKS_M:
         return int(np.argmin(np.where(most, height, np.inf))), "Where the hips are lowest"
     mean = np.where(most, np.nan_to_num(angle, nan=-np.inf).max(axis=0), -np.inf)
     return int(np.argmax(mean)), f"Where the angle \u201c{plain_angle(name)}\u201d is largest"
 
 
 def _head(ids: Sequence[str]) -> tuple[str, ...]:
-    shown = tuple(ids) if len(ids) <= COLUMNS else ("lowest", "middle", "highest")
+    shown = tuple(ids) if len(ids) <= _COLUMNS else ("lowest", "middle", "highest")
     return ("angle", *shown, "expected error", "whole action")
 
 
@@ -124,7 +124,7 @@ def _row(
     name: str, each: Float[np.ndarray, "M N"], sd: Float[np.ndarray, "M N"], t: int
 ) -> tuple[str, ...]:
     now = each[:, t]
-    if len(now) > COLUMNS:
+    if len(now) > _COLUMNS:
         shown = now[np.isfinite(now)]
         now = np.array([shown.min(), np.median(shown), shown.max()]) if len(shown) else now[:3]
     errors = sd[np.isfinite(sd[:, t]), t]
@@ -154,5 +154,7 @@ def differences(
             sure[name] = np.where(np.abs(each[m] - each[r]) > 2 * error, each[m], np.nan)
         against = {name: each[r] for name, each in curves.items()}
         largest_first = largest(video, reference, phase_s, sure, against, {})
-        sentences += [f.sentence for f in largest_first[: SENTENCES_OF_TWO if len(ids) == 2 else 2]]
-    return sentences[:SENTENCES]
+        sentences += [
+            f.sentence for f in largest_first[: _SENTENCES_OF_TWO if len(ids) == 2 else 2]
+        ]
+    return sentences[:_SENTENCES]

@@ -76,7 +76,7 @@ def _right(numeric: bool) -> str:
     return ' class="n"' if numeric else ""
 
 
-STYLE = """
+_STYLE = """
 @media (prefers-color-scheme: dark) {
   img.chart { filter: invert(.92) hue-rotate(180deg); }
   img.photo { filter: brightness(.88); }
@@ -148,14 +148,14 @@ dt:target { background: var(--target); }
 """
 
 
-MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
-STAMP = "imocap-made-from"
-DARK_MEANS = ("affinity.",)  # charts in which dark and light have a meaning: never reversed
-COLUMNS = "Glossary of the columns"
+_MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
+_STAMP = "imocap-made-from"
+_DARK_MEANS = ("affinity.",)  # charts in which dark and light have a meaning: never reversed
+_COLUMNS = "Glossary of the columns"
 DETAILS = "Details of the verdict"
-TECHNICAL = "Technical details"
-ALIKE = "No angle differs between the videos by more than twice its expected error."
-BODY = "The recovered body at rest and at six moments: from the front, its right, and its back."
+_TECHNICAL = "Technical details"
+_ALIKE = "No angle differs between the videos by more than twice its expected error."
+_BODY = "The recovered body at rest and at six moments: from the front, its right, and its back."
 
 
 def html_page(
@@ -172,18 +172,18 @@ def html_page(
 
     pages: links to the action's other pages, as HTML. sources: which video is which file.
     """
-    titles = [*(p.title for p in parts), COLUMNS]
+    titles = [*(p.title for p in parts), _COLUMNS]
     nav = " ".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
     glossary = {c: GLOSSARY[c] for t in _tables(parts) for c in t.columns if c in GLOSSARY}
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="{STAMP}" content="{stamp}">'
-        f"<title>{html.escape(contents.title)}</title><style>{COLOURS}{STYLE}</style></head>"
+        f'<meta name="{_STAMP}" content="{stamp}">'
+        f"<title>{html.escape(contents.title)}</title><style>{COLOURS}{_STYLE}</style></head>"
         f"<body>\n<h1>{html.escape(contents.title)}{badge(verdict)}</h1>\n{sentences(verdict)}"
         + f"{pages}\n"
         + _first(folder, contents, first)
-        + f'<details id="technical"><summary>{TECHNICAL}</summary>\n'
+        + f'<details id="technical"><summary>{_TECHNICAL}</summary>\n'
         + (f"<p>{html.escape(sources)}</p>\n" if sources else "")
         + f"<nav>{nav}</nav>\n{_details(verdict)}"
         + "".join(_section(folder, part, glossary) for part in parts)
@@ -200,7 +200,7 @@ def _first(folder: Path, contents: Contents, first: FirstPage | None) -> str:
     if moments is not None:
         text += f"<h2>The same moments</h2>\n{_figure(folder, moments)}"
     of_body = (
-        f"<section><h2>The body</h2>\n{_figure(folder, replace(body, caption=BODY))}</section>"
+        f"<section><h2>The body</h2>\n{_figure(folder, replace(body, caption=_BODY))}</section>"
         if body
         else ""
     )
@@ -221,7 +221,8 @@ def _angles(first: FirstPage) -> str:
         for row in first.rows
     )
     items = "".join(f"<li>{html.escape(s)}.</li>" for s in first.differences)
-    differences = f"<ul>{items}</ul>" if items else f"<p>{ALIKE}</p>" if len(first.head) > 4 else ""
+    several = len(first.head) > 4
+    differences = f"<ul>{items}</ul>" if items else f"<p>{_ALIKE}</p>" * several
     return (
         f"<p>{html.escape(first.moment)}:</p>\n"
         f'<div class="wide" tabindex="0" role="region" aria-label="Key angles"><table><thead><tr>'
@@ -292,10 +293,10 @@ def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:
 
 def _figure(folder: Path, picture: Picture) -> str:
     data = base64.b64encode((folder / picture.file).read_bytes()).decode("ascii")
-    kind = MIME.get(Path(picture.file).suffix, "application/octet-stream")
+    kind = _MIME.get(Path(picture.file).suffix, "application/octet-stream")
     source = f"data:{kind};base64,{data}"
     text = html.escape(picture.caption)
-    reversible = kind == MIME[".png"] and not picture.file.startswith(DARK_MEANS)
+    reversible = kind == _MIME[".png"] and not picture.file.startswith(_DARK_MEANS)
     drawn = "chart" if reversible else "photo"
     image = (
         f'<div class="wide" tabindex="0"><img class="{drawn}" src="{source}" alt="{text}"></div>'
@@ -310,7 +311,7 @@ def _glossary(glossary: dict[str, str]) -> str:
         for name, meaning in sorted(glossary.items(), key=lambda entry: column_title(entry[0]))
     )
     return (
-        f'<h2 id="{_anchor(COLUMNS)}">{COLUMNS}</h2>\n<dl>{entries}</dl>'
+        f'<h2 id="{_anchor(_COLUMNS)}">{_COLUMNS}</h2>\n<dl>{entries}</dl>'
         "<p>In full: docs/metrics.md and docs/uncertainty.md. For programs: metrics.json and one "
         "CSV per table.</p>\n"
     )

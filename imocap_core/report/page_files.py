@@ -14,10 +14,10 @@ from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.files import is_as_made, record_made, write_whole
 
 PAGE, TEXT = "report.html", "report.md"
-INDEX = "index.html"
+_INDEX = "index.html"
 LEVELS = {"good": "Good", "check": "Check", "doubt": "Doubtful"}
-COMPARED = "where performances differ, in degrees"
-LINKS = re.compile(r'<nav class="pages">.*?</nav>', re.DOTALL)
+_COMPARED = "where performances differ, in degrees"
+_LINKS = re.compile(r'<nav class="pages">.*?</nav>', re.DOTALL)
 
 COLOURS = """
 :root {
@@ -51,7 +51,7 @@ a:hover { text-decoration: underline; }
 """
 """Shared by the report, the index, and whatever else is a page of text."""
 
-STYLE = """
+_STYLE = """
 h1 { font-size: 1.7rem; } dt { margin-top: 1rem; font-size: 1.1rem; font-weight: 600; }
 body { max-width: 760px; } dd { margin: 0; color: var(--quiet); }
 code { background: var(--soft); padding: .1rem .4rem; border-radius: .3rem; }
@@ -77,7 +77,7 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
 
     compared = sorted((folder / "report" / "compare").rglob(PAGE))
     comparisons = [
-        ActionPage(_comparison(file), COMPARED, file, "")
+        ActionPage(_comparison(file), _COMPARED, file, "")
         for file in (path.relative_to(folder).as_posix() for path in compared)
     ]
     return [
@@ -93,7 +93,7 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
             f"report/{PAGE}",
             f"imocap run {action}",
         ),
-        *(comparisons or [ActionPage("Comparison", COMPARED, None, f"imocap compare {action}")]),
+        *(comparisons or [ActionPage("Comparison", _COMPARED, None, f"imocap compare {action}")]),
         page("Films", "every video with the body over it", "videos", f"imocap video {action}"),
         ActionPage("Exports", "the motion for other programs", None, f"imocap export {action}"),
     ]
@@ -109,7 +109,7 @@ def links(folder: Path, action: str) -> str:
     others = [p for p in pages_of(folder, action) if p.file and p.file != f"report/{PAGE}"]
     shown = "".join(f'<a href="../{html.escape(p.file or "")}">{p.name}</a>' for p in others)
     below = '<a href="#technical">Technical details</a>'
-    return f'<nav class="pages">{shown}<a href="../{INDEX}">All pages</a>{below}</nav>'
+    return f'<nav class="pages">{shown}<a href="../{_INDEX}">All pages</a>{below}</nav>'
 
 
 def refresh_pages(store: Store, action: str) -> Path:
@@ -120,11 +120,11 @@ def refresh_pages(store: Store, action: str) -> Path:
     folder, report = store.folder / action, store.report(action)
     if is_as_made(report, PAGE):
         text = (report / PAGE).read_text(encoding="utf-8")
-        now = LINKS.sub(lambda _: links(folder, action), text, count=1)
+        now = _LINKS.sub(lambda _: links(folder, action), text, count=1)
         if now != text:
             write_whole(report / PAGE, now)
             record_made(report, [PAGE])
-    index = folder / INDEX
+    index = folder / _INDEX
     text = "".join(_index(folder, action, _verdict(report)))
     if not index.is_file() or index.read_text(encoding="utf-8") != text:
         write_whole(index, text)
@@ -141,7 +141,7 @@ def _index(folder: Path, action: str, verdict: Verdict | None) -> Iterator[str]:
     name = html.escape(action)
     yield '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
     yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f"<title>{name} · imocap</title><style>{COLOURS}{STYLE}</style></head><body>\n"
+    yield f"<title>{name} · imocap</title><style>{COLOURS}{_STYLE}</style></head><body>\n"
     yield f"<h1>{name}{badge(verdict)}</h1>\n{sentences(verdict)}<dl>\n"
     for page in pages_of(folder, action):
         title = html.escape(page.name)

@@ -11,7 +11,7 @@ from imocap_core.evaluate.scoreboard import AFTER_LOOP, MONOCULAR, SINGLE_PASS
 from imocap_core.metrics.scoring import ALL_VIDEOS
 from imocap_core.report.table_files import Picture, column_title
 
-HEADLINE = (
+_HEADLINE = (
     "result",
     "mpjpe_mm",
     "mpjpe_24_mm",
@@ -33,7 +33,7 @@ def headline(table: Table) -> Table:
     """The columns of the summary that the page shows; other tables as they are."""
     if table.name != "summary":
         return table
-    shown = [table.columns.index(name) for name in HEADLINE if name in table.columns]
+    shown = [table.columns.index(name) for name in _HEADLINE if name in table.columns]
     return _with_columns(table, shown)
 
 
@@ -84,9 +84,9 @@ def _of_single(cell: Cell) -> Cell:
     return "result" if cell == AFTER_LOOP else cell.removesuffix(" (reference)")
 
 
-SENTENCES = "open"  # the table of the observability report's sentences
-PROGRAMS = "metrics"  # the long table, for programs only
-SCORED = "mpjpe_mm"  # a column that is there when the truth is
+_SENTENCES = "open"  # the table of the observability report's sentences
+_PROGRAMS = "metrics"  # the long table, for programs only
+_SCORED = "mpjpe_mm"  # a column that is there when the truth is
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Section:
         return not any((*parts, self.folded_pictures, self.folded_tables))
 
 
-PLANS = (
+_PLANS = (
     Plan(
         "Summary",
         "Mean over the videos. Monocular: each video alone; single pass: all videos jointly, once; "
@@ -131,7 +131,7 @@ PLANS = (
         "Observability",
         "What the videos determine poorly, from the covariances of the result; needs no truth.",
         (),
-        (SENTENCES, "leave_one_out"),
+        (_SENTENCES, "leave_one_out"),
     ),
     Plan(
         "Synchronisation",
@@ -167,16 +167,16 @@ PLANS = (
     Plan("Time", "", (), ("timings",)),
     Plan("Not scored", "", (), ("unscored",)),
 )
-LEADS_OF_ONE = {
+_LEADS_OF_ONE = {
     "Summary": "",
     "Motion": "The estimate from one video fits its picture; its depth rests on the pose prior.",
 }
-LEADS_OF_TWO = {
+_LEADS_OF_TWO = {
     "Synchronisation": "Frames are matched by their poses. A third video would check the matches: "
     "a round trip over three must end at its start.",
 }
-NO_TRUTH, NO_TRUTH_OF_ONE = "The same moments", "The video"  # first section, nothing scored
-REST = "Other"
+_NO_TRUTH, _NO_TRUTH_OF_ONE = "The same moments", "The video"  # first section, nothing scored
+_REST = "Other"
 
 
 def sections(
@@ -187,7 +187,7 @@ def sections(
     videos: of the action; with one or two of them some introductions differ, and with one there is
     nothing to compare.
     """
-    shown = [_shown(t, videos) for t in tables if t.name != PROGRAMS]
+    shown = [_shown(t, videos) for t in tables if t.name != _PROGRAMS]
     by_name = {t.name: t for t in shown}
     left = list(pictures)
     filled = []
@@ -195,30 +195,30 @@ def sections(
         opened = _taken(left, plan.pictures)
         folded = _taken(left, plan.folded)
         named = [by_name.pop(name) for name in plan.tables if name in by_name]
-        sentences = [str(row[0]) for t in named if t.name == SENTENCES for row in t.rows]
+        sentences = [str(row[0]) for t in named if t.name == _SENTENCES for row in t.rows]
         filled.append(
             Section(
                 plan.title,
                 plan.lead,
                 sentences,
                 opened,
-                [t for t in named if t.name != SENTENCES],
+                [t for t in named if t.name != _SENTENCES],
                 folded,
                 [by_name.pop(name) for name in plan.folded if name in by_name],
             )
         )
-    filled.append(Section(REST, "", pictures=left, tables=list(by_name.values())))
+    filled.append(Section(_REST, "", pictures=left, tables=list(by_name.values())))
     return [section for section in filled if not section.empty]
 
 
 def plans_for(tables: Mapping[str, Table], videos: int) -> list[Plan]:
     """The plans, with the introductions of so few videos; without truth there is no summary, whose
     table then only has what `Motion` shows."""
-    leads = {1: LEADS_OF_ONE, 2: LEADS_OF_TWO}.get(videos, {})
-    plans = [replace(plan, lead=leads.get(plan.title, plan.lead)) for plan in PLANS]
-    if SCORED in getattr(tables.get("summary"), "columns", [SCORED]):
+    leads = {1: _LEADS_OF_ONE, 2: _LEADS_OF_TWO}.get(videos, {})
+    plans = [replace(plan, lead=leads.get(plan.title, plan.lead)) for plan in _PLANS]
+    if _SCORED in getattr(tables.get("summary"), "columns", [_SCORED]):
         return plans
-    title = NO_TRUTH_OF_ONE if videos == 1 else NO_TRUTH
+    title = _NO_TRUTH_OF_ONE if videos == 1 else _NO_TRUTH
     plans[0] = replace(plans[0], title=title, lead="", tables=())
     motion = next(k for k, plan in enumerate(plans) if plan.title == "Motion")
     plans[motion] = replace(plans[motion], folded=("summary", *plans[motion].folded))

@@ -14,7 +14,7 @@ from imocap_core.artifacts.schemas.motion_schemas import Cell
 from imocap_core.artifacts.side_files import check_names
 from imocap_core.errors import CONTROL
 
-UNITS = {
+_UNITS = {
     "_10m_s3": "10 m/s³",
     "_m_s2": "m/s²",
     "_mm_s": "mm/s",
@@ -29,7 +29,7 @@ UNITS = {
 }
 """By the ends of names, longer ones before those that they contain."""
 
-TITLES = {
+_TITLES = {
     "mpjpe": "joint error",
     "mpjpe_scaled": "joint error, scaled",
     "pa_mpjpe": "joint error, aligned",
@@ -104,12 +104,12 @@ TITLES = {
 
 def column_title(name: str) -> str:
     """A column's name in words, its unit in brackets: "joint error, aligned (mm)"."""
-    if name in TITLES:
-        return TITLES[name]
-    for end, unit in UNITS.items():
+    if name in _TITLES:
+        return _TITLES[name]
+    for end, unit in _UNITS.items():
         stem = name.removesuffix(end)
         if stem != name:
-            return f"{TITLES.get(stem, stem.replace('_', ' '))} ({unit})"
+            return f"{_TITLES.get(stem, stem.replace('_', ' '))} ({unit})"
     return name.replace("_", " ")
 
 
@@ -250,7 +250,7 @@ GLOSSARY = {
 }
 
 
-DECIMALS = {
+_DECIMALS = {
     "mm": 1,
     "px": 1,
     "pct": 2,
@@ -262,7 +262,7 @@ DECIMALS = {
     "share": 2,
     "s": 1,
 }
-DECIMALS |= {"seconds": 1, "frame": 1, "fps": 2}
+_DECIMALS |= {"seconds": 1, "frame": 1, "fps": 2}
 
 
 def cell_text(column: str, value: Cell) -> str:
@@ -272,7 +272,7 @@ def cell_text(column: str, value: Cell) -> str:
     if isinstance(value, bool):
         return "yes" if value else ""
     if isinstance(value, float):
-        return f"{value:.{DECIMALS.get(column.rsplit('_', 1)[-1], 3)}f}"
+        return f"{value:.{_DECIMALS.get(column.rsplit('_', 1)[-1], 3)}f}"
     return str(value)
 
 

@@ -25,7 +25,7 @@ from imocap_core.evaluate.scoreboard import CAMERA_METRICS
 from imocap_core.evaluate.whole_body_scores import JointErrors
 from imocap_core.metrics.scoring import ALL_VIDEOS, BODY_METRICS, SYNC_METRICS, ScoreRow
 
-SUMMARY = (
+_SUMMARY = (
     "mpjpe_mm",
     "mpjpe_scaled_mm",
     "pa_mpjpe_mm",
@@ -41,7 +41,7 @@ SUMMARY = (
     "sync_error_ms",
     *BODY_METRICS,
 )
-POSE = (
+_POSE = (
     "mpjpe_mm",
     "mpjpe_scaled_mm",
     "pa_mpjpe_mm",
@@ -53,7 +53,7 @@ POSE = (
     "reprojection_px",
     "reprojection_pct",
 )
-ROUND = (
+_ROUND = (
     "mpjpe_mm",
     "mpjpe_scaled_mm",
     "pa_mpjpe_mm",
@@ -69,8 +69,8 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
     tables = [
-        wide_table("summary", "Mean over the videos", summary, SUMMARY, per_video=False),
-        wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, POSE),
+        wide_table("summary", "Mean over the videos", summary, _SUMMARY, per_video=False),
+        wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, _POSE),
         wide_table(
             "joint_sets",
             "Pose on 12, 14, 17 and 24 joints, mean over the videos",
@@ -108,7 +108,7 @@ def unscored_table(summary: Sequence[ScoreRow]) -> Table:
 
 def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Table:
     """The rounds of the loop; errors: per round, metric -> mean over the videos."""
-    metrics = [m for m in ROUND if any(m in error for error in errors)]
+    metrics = [m for m in _ROUND if any(m in error for error in errors)]
     rows: list[list[Cell]] = [
         [i, i == refined.best, r.cost, r.sync_change_frames, *(error.get(m) for m in metrics)]
         for i, (r, error) in enumerate(zip(refined.rounds, errors, strict=True))
@@ -257,7 +257,7 @@ def event_tables(refined: RefineSync) -> list[Table]:
     ]  # fmt: skip
 
 
-DEEP = 0.95  # quantile of the frames
+_DEEP = 0.95  # quantile of the frames
 
 
 def ground_tables(
@@ -283,7 +283,7 @@ def ground_tables(
                 down,
                 roll,
                 float(ground.height_m(-camera.R.T @ camera.t)),
-                float(np.quantile(sole_depths_mm(body.joints, ground), DEEP)),
+                float(np.quantile(sole_depths_mm(body.joints, ground), _DEEP)),
                 None if plane is None else float(np.degrees(np.arccos(cosine))),
                 None if plane is None else plane.tilt_sd_deg,
             ]

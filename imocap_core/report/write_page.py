@@ -51,7 +51,7 @@ from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.workers import at_once
 from imocap_core.workspace import video_files
 
-CYCLE, RESULTS, UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
+_CYCLE, _RESULTS, _UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
 
 
 def draw_page_figures(
@@ -93,13 +93,13 @@ def draw_page_figures(
                 if (name := video.keypoints.id) in of_trip
             }
             frames = {v.id: v.frames for v in keypoints.videos}
-            save(cycle_figure(sync, trip, starts, posed, frames), folder / CYCLE)
-            drawn.append(Picture(CYCLE, "Matches of frames from video to video and back."))
-        save(results_sheet(videos, results, picks, cells, cuts, model), folder / RESULTS)
+            save(cycle_figure(sync, trip, starts, posed, frames), folder / _CYCLE)
+            drawn.append(Picture(_CYCLE, "Matches of frames from video to video and back."))
+        save(results_sheet(videos, results, picks, cells, cuts, model), folder / _RESULTS)
         caption = "The recovered body under each result, over the frame and from the side."
-        drawn.append(Picture(RESULTS, caption))
-        save(uncertainty_figure(claimed, keypoints, sync, by_joint), folder / UNCERTAINTY)
-        drawn.append(Picture(UNCERTAINTY, "Uncertainty of each joint, overall and over time."))
+        drawn.append(Picture(_RESULTS, caption))
+        save(uncertainty_figure(claimed, keypoints, sync, by_joint), folder / _UNCERTAINTY)
+        drawn.append(Picture(_UNCERTAINTY, "Uncertainty of each joint, overall and over time."))
     return drawn
 
 

@@ -27,7 +27,7 @@ from imocap_core.camera.gravity import BodyMotion, Extrinsics, to_world
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.result.video import VideoCamera, VideoResult
 
-ALIGNED = 8
+_ALIGNED = 8
 Entry = dict[str, Any]
 
 
@@ -51,7 +51,7 @@ class Block:
                 f"values: expected whole numbers from {limits.min} to {limits.max} for {kind}, "
                 f"got {given.min()} to {given.max()}"
             )
-        padding = -self._size % ALIGNED
+        padding = -self._size % _ALIGNED
         self._parts += [bytes(padding), array.tobytes()]
         offset = self._size + padding
         self._size = offset + array.nbytes
@@ -74,9 +74,9 @@ def quantised(values: ArrayLike) -> tuple[Int16[np.ndarray, "..."], float]:
     return np.round(array / scale * 32767).astype(np.int16), scale
 
 
-BONES = 4
-LIGHTNESS = {"skin": 1.0, "hair": 0.42, "shirt": 0.8, "trousers": 0.52, "shoes": 0.3}
-BODY_ANGLES = 3 * SMPL_JOINTS.index("left_hand")  # those that SMPL and SMPL+H share
+_BONES = 4
+_LIGHTNESS = {"skin": 1.0, "hair": 0.42, "shirt": 0.8, "trousers": 0.52, "shoes": 0.3}
+_BODY_ANGLES = 3 * SMPL_JOINTS.index("left_hand")  # those that SMPL and SMPL+H share
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +111,8 @@ def monocular_motion(motion: VideoMotion, camera: VideoCamera, fingers: bool) ->
 def with_fingers(theta: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 156"]:
     """SMPL's poses in SMPL+H's joints: fingers turn as SMPL's hand joints do."""
     R_local = smplh_from_smpl(rotations_from_pose(torch.as_tensor(theta)))
-    fingers = pose_from_rotations(R_local)[:, BODY_ANGLES:].numpy()
-    return np.concatenate([theta[:, :BODY_ANGLES], fingers], axis=1)
+    fingers = pose_from_rotations(R_local)[:, _BODY_ANGLES:].numpy()
+    return np.concatenate([theta[:, :_BODY_ANGLES], fingers], axis=1)
 
 
 def model_entry(block: Block, model: Model) -> dict[str, object]:
@@ -133,7 +133,7 @@ def strongest_bones(
     weights: Float[np.ndarray, "V J"],
 ) -> tuple[Int[np.ndarray, "V 4"], Int[np.ndarray, "V 4"]]:
     """The four strongest bones of each vertex, and their weights of 65535 together: (V, 4) each."""
-    bones = np.argsort(-weights, axis=1, kind="stable")[:, :BONES]
+    bones = np.argsort(-weights, axis=1, kind="stable")[:, :_BONES]
     strongest = np.take_along_axis(weights, bones, axis=1)
     shares = strongest / strongest.sum(axis=1, keepdims=True)
     whole = np.round(65535 * shares).astype(np.int64)
@@ -145,7 +145,7 @@ def shades(model: Model) -> Int[np.ndarray, " V"]:
     """Brightness of each vertex, 0 to 255: the mean over its faces' parts."""
     if model.face_parts is None:
         return np.full(len(model.v_template), 200)
-    part = np.array([LIGHTNESS.get(name, 0.8) for name in model.part_names])
+    part = np.array([_LIGHTNESS.get(name, 0.8) for name in model.part_names])
     faces = model.faces.numpy()
     light = np.repeat(part[model.face_parts.numpy()], 3)
     total = np.bincount(faces.ravel(), light, minlength=len(model.v_template))
@@ -168,7 +168,7 @@ def motion_entry(block: Block, motion: ShownMotion) -> dict[str, Entry]:
     return {"local": block.add(motion.theta, "f4"), "trans": block.add(motion.trans, "f4")}
 
 
-PACKAGE = "imocap_core.viewer"
+_PACKAGE = "imocap_core.viewer"
 SCRIPTS = (
     "math.js",
     "theme.js",
@@ -226,7 +226,7 @@ def program() -> str:
     return joined(SCRIPTS)
 
 
-def joined(names: Sequence[str], package: str = PACKAGE) -> str:
+def joined(names: Sequence[str], package: str = _PACKAGE) -> str:
     """Files of JavaScript, one after another."""
     return "\n".join(f"// --- {name}\n{source(name, package)}" for name in names)
 
@@ -236,6 +236,6 @@ def sources() -> str:
     return source("page.html") + source("style.css") + program()
 
 
-def source(name: str, package: str = PACKAGE) -> str:
+def source(name: str, package: str = _PACKAGE) -> str:
     """A file of a page's program, from the folder web of a package."""
     return (resources.files(package) / "web" / name).read_text(encoding="utf-8")

@@ -71,9 +71,9 @@ def contact_spans(
     }
 
 
-LEGEND = "grid 0.5 m · paths start pale · "
-ASIDE_RAD = 0.45  # the view opens from this far beside the reference camera
-ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
+_LEGEND = "grid 0.5 m · paths start pale · "
+_ASIDE_RAD = 0.45  # the view opens from this far beside the reference camera
+_ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 
 
 class _Shapes:
@@ -136,7 +136,7 @@ def scene(
     return {
         "title": result.action,
         "lead": _lead(sync),
-        "legend": LEGEND + model.name.replace("_", " "),
+        "legend": _LEGEND + model.name.replace("_", " "),
         "verdict": _verdict_entry(result),
         "reference": sync.reference,
         "timeline": timeline_entry(keypoints, sync),
@@ -216,14 +216,14 @@ def _eye(
     return {
         "bounds": bounds,
         "middle": middle.tolist(),
-        "azimuth": azimuth + ASIDE_RAD,
+        "azimuth": azimuth + _ASIDE_RAD,
         "right": [float(np.cos(azimuth)), 0.0, float(-np.sin(azimuth))],
     }
 
 
 def _box(points: Float[np.ndarray, "N 3"]) -> list[list[float]]:
     """The eight corners of a box about a performer that stands on the ground."""
-    low, high = points.min(axis=0) - ABOUT_BODY_M, points.max(axis=0) + ABOUT_BODY_M
+    low, high = points.min(axis=0) - _ABOUT_BODY_M, points.max(axis=0) + _ABOUT_BODY_M
     low[1] = max(low[1], 0.0)
     ends = np.array([low, high])
     return [ends[list(corner), [0, 1, 2]].tolist() for corner in product((0, 1), repeat=3)]
@@ -236,8 +236,8 @@ def _lead(sync: SyncSummary) -> str:
 
 FILE_NAME = "viewer.html"
 NEEDED = ("keypoints", "camera_motion", "initial_smpl", "refine_sync")
-STAMPED = '<meta name="made-from" content="'
-STAMP_WITHIN = 4096  # characters from the beginning of a page
+_STAMPED = '<meta name="made-from" content="'
+_STAMP_WITHIN = 4096  # characters from the beginning of a page
 
 
 def can_be_viewed(store: Store, action: str) -> bool:
@@ -286,7 +286,7 @@ def _stamp(result: ActionResult) -> str:
 def _is_viewer(file: Path) -> bool:
     """Whether a file begins as this program's viewers do, complete or not."""
     with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
-        return STAMPED in stream.read(STAMP_WITHIN)
+        return _STAMPED in stream.read(_STAMP_WITHIN)
     return False
 
 
@@ -295,7 +295,7 @@ def _made_from(file: Path) -> str | None:
     if not is_whole_page(file):
         return None
     with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
-        head = stream.read(STAMP_WITHIN)
-        _, stamped, rest = head.partition(STAMPED)
+        head = stream.read(_STAMP_WITHIN)
+        _, stamped, rest = head.partition(_STAMPED)
         return rest.partition('"')[0] if stamped else None
     return None

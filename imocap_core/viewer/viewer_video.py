@@ -22,13 +22,13 @@ Image = UInt8[np.ndarray, "H W 3"]
 Window = tuple[int, int, int, int]  # x, y, width, height in pixels
 
 LONGEST_PX = 352
-QUALITY = 50
-MARGIN = 0.22  # beside the performer's outermost positions, share of their span
-ASPECTS = (0.75, 1.6)  # width / height of the part that is shown, where the picture allows
-MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
+_QUALITY = 50
+_MARGIN = 0.22  # beside the performer's outermost positions, share of their span
+_ASPECTS = (0.75, 1.6)  # width / height of the part that is shown, where the picture allows
+_MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
 
 
-def stride(lengths: list[int], most: int = MOST_PICTURES) -> int:
+def stride(lengths: list[int], most: int = _MOST_PICTURES) -> int:
     """One of how many frames is shown, so that no more than about `most` are."""
     return max(1, -(-sum(lengths) // most))
 
@@ -43,7 +43,7 @@ def windows(
     """
     reaches = [_reach(boxes, size) for boxes, size in zip(boxes_px, sizes, strict=True)]
     aspects = [(x1 - x0) / (y1 - y0) for x0, y0, x1, y1 in reaches]
-    aspect = float(np.clip(np.median(aspects), *ASPECTS))
+    aspect = float(np.clip(np.median(aspects), *_ASPECTS))
     parts = []
     for reach, size in zip(reaches, sizes, strict=True):
         low, high = reach[:2], reach[2:]
@@ -60,7 +60,7 @@ def _reach(boxes_px: Float[np.ndarray, "T 4"], size: tuple[int, int]) -> Float[n
     if not len(visible):
         return np.array([0.0, 0.0, *size])
     low, high = visible[:, :2].min(axis=0), visible[:, 2:].max(axis=0)
-    margin = MARGIN * float((high - low).max()) + 1
+    margin = _MARGIN * float((high - low).max()) + 1
     return np.concatenate([low - margin, high + margin])
 
 
@@ -115,15 +115,14 @@ def small_jpeg(picture: UInt8[np.ndarray, "H W 3"]) -> bytes:
     scale = min(1.0, LONGEST_PX / max(picture.shape[:2]))
     size = (max(1, round(scale * picture.shape[1])), max(1, round(scale * picture.shape[0])))
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if scale < 1 else picture
-    done, data = cv2.imencode(
-        ".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
-    )
+    options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+    done, data = cv2.imencode(".jpg", small[:, :, ::-1], options)
     assert done
     return data.tobytes()
 
 
 UNKNOWN_MM = 65535  # in place of a standard deviation that is not known
-PIXEL_RANGE = 16000  # of 16-bit numbers for the longer side of a picture: two pictures each way
+_PIXEL_RANGE = 16000  # of 16-bit numbers for the longer side of a picture: two pictures each way
 
 
 def identity_entry(block: Block, keypoints: Keypoints, i: int, sync: SyncSummary) -> dict[str, Any]:
@@ -216,7 +215,7 @@ def camera_entry(block: Block, camera: VideoCamera) -> dict[str, Any]:
 def _pixels(
     block: Block, xy_px: Float[np.ndarray, "T K 2"], size: tuple[int, int]
 ) -> tuple[Entry, float]:
-    unit = PIXEL_RANGE / max(size)
+    unit = _PIXEL_RANGE / max(size)
     whole = np.clip(np.round(np.nan_to_num(xy_px) * unit), -32767, 32767)
     return block.add(whole, "i2"), unit
 

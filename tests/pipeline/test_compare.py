@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
-from imocap_core.biomechanics.angle_differences import largest
 from imocap_core.compare.compare import (
     compared_moments,
     describe,
@@ -26,6 +25,7 @@ from imocap_core.compare.parts import pair_findings
 from imocap_core.compare.technique_report import mean_clip, write_pair, write_technique
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams
+from imocap_core.technique import largest
 from tests.pipeline.made_result import PHASES, Made, keypoints, made_result, refined
 
 ELBOW, RIGHT_ANKLE, LEFT_KNEE = 18, 8, 4  # the left arm swings, the right knee bends
