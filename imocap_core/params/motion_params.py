@@ -31,7 +31,7 @@ class FitParams:
         "Scale of the Geman-McClure loss of reprojection errors, in standard deviations of the "
         "detector's noise: at this error the cost is half its ceiling.",
     )
-    pose_prior: NonNegative = param(0.05, "Weight of the pose prior (a Gaussian mixture).")
+    pose_prior: NonNegative = param(0.2, "Weight of the pose prior (a Gaussian mixture).")
     shape_prior: NonNegative = param(
         10.0,
         "Weight of the squared shape coefficients along the proportions that keypoints tell: "

@@ -27,7 +27,6 @@ from imocap_core.sync.procrustes import procrustes_distances
 
 # pairs of frames of two videos that are all compared at first; of longer videos every n-th frame is
 ALL_COMPARED = 1 << 22
-HEIGHT_WEIGHT = 0.75  # beside poses: real clips are best with 0.75 to 1, made yoga with 0.5
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,7 @@ def distance_matrix(
     vertical = [np.full(len(x), np.nan) for x in poses]
     if heights is not None:
         moving = [vertical_motion(h / s, f) for h, s, f in zip(heights, scales, fps, strict=True)]
-        alike = of_one_amplitude(moving, params.least_difference_m)
-        vertical = [HEIGHT_WEIGHT * h for h in alike]
+        vertical = of_one_amplitude(moving, params.least_difference_m)
     compared = ComparedPoints(per_video, weights, vertical)
     every = {pair: 1 if whole else _stride(*pair, blocks) for pair in blocks.pairs()}
     squares = {
