@@ -1,5 +1,5 @@
 """Names that say how a value came about and not what it is are refused, classes named twice, and a
-documentation that has grown.
+documentation or tests that have grown.
 
     python -m tools.check_names      # 0: clean; 1: one line a fault
 
@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("imocap", "imocap_core", "stages", "benchmarks", "tools")
 PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "actions/*.md", "artifacts/*.md")
 PAGES += ("imocap_core/**/*.md",)
+MOST_TEST_LINES = 46_800  # of tests/**/*.py; may only fall
 MOST_WORDS = 39_500  # of all pages but the changelog, as `wc -w` counts; may only fall
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})
 
@@ -67,11 +68,18 @@ def words_of_pages(root: Path) -> int:
     return sum(len(file.read_text(encoding="utf-8").split()) for file in files)
 
 
+def lines_of_tests(root: Path) -> int:
+    """Lines of everything below tests/."""
+    return sum(len(f.read_bytes().splitlines()) for f in (root / "tests").rglob("*.py"))
+
+
 def main() -> int:
     files = [file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
     lines = faults({f.relative_to(ROOT).as_posix(): f.read_text(encoding="utf-8") for f in files})
     if (words := words_of_pages(ROOT)) > MOST_WORDS:
         lines.append(f"documentation: {words} words, at most {MOST_WORDS}: cut before you add")
+    if (count := lines_of_tests(ROOT)) > MOST_TEST_LINES:
+        lines.append(f"tests: {count} lines, at most {MOST_TEST_LINES}: cut before you add")
     print("\n".join(lines) if lines else f"names: {len(files)} files, no filler, no class twice")
     return 1 if lines else 0
 

@@ -1,7 +1,5 @@
 """Results depend neither on the number of threads nor on what ran before."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.chaos.run import vary_threads

@@ -1,7 +1,5 @@
 """`imocap push` and `pull`: an action goes to another machine whole, and to nowhere else."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import zipfile

@@ -1,7 +1,5 @@
 """The report's page in a real headless Chromium: on a phone and in both themes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2
