@@ -140,6 +140,7 @@ def context(folder: Path) -> Context:
     return cast(Context, made_up)
 
 
+@pytest.mark.long
 def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
     made: Made, choose: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -170,6 +171,7 @@ def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
     np.testing.assert_allclose(np.nanmean(v1.reference_frame - (made.frames[0] - 4)), 0, atol=0.3)
 
 
+@pytest.mark.long
 def test_the_stage_solves_again_with_a_video_that_was_left_out(
     made: Made, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

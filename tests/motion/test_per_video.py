@@ -222,6 +222,7 @@ def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
     assert mpjpe_mm(made.body, wrong, good) < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turns_deg", [[0.0, 80.0, -70.0, 160.0], [0.0, 80.0]])
 def test_smpl_ba_from_one_reversed_view_ends_like_the_undisturbed_one(
     turns_deg: list[float],
