@@ -93,6 +93,7 @@ def test_it_holds_no_outputs() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # of Jupyter's own event loops
+@pytest.mark.long
 def test_it_runs(small_run: SmallRun) -> None:
     nbformat = pytest.importorskip("nbformat", reason="the extra dev is not installed")
     nbclient = pytest.importorskip("nbclient", reason="the extra dev is not installed")

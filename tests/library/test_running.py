@@ -45,6 +45,7 @@ print(*result.ids, end.state)
 """
 
 
+@pytest.mark.long
 def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_path: Path) -> None:
     """As a file, from the standard input and as an argument, all at once."""
     (tmp_path / "script.py").write_text(SCRIPT)
