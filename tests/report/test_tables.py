@@ -203,11 +203,6 @@ def test_remarks(note: str, expected: list[str]) -> None:
     assert remarks(VideoKeypoints.model_construct(note=FOLLOWED + note)) == expected
 
 
-@pytest.fixture(scope="module")
-def made() -> Made:
-    return Made()
-
-
 def trust_of(made: Made) -> SyncTrust:
     nan = float("nan")
     return SyncTrust(
