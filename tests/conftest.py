@@ -58,6 +58,7 @@ LONG = (
     "sync/test_rate.py",
     "sync/test_anchors.py",
     "chaos",
+    "collect/test_listing.py",
     "cli/test_sync_command.py",
     "cli/test_run_all_apart.py",
     "executors/test_cluster.py",
@@ -67,7 +68,6 @@ LONG = (
     "compare/test_comparison_in_browser.py",
     "report/test_report_page_in_browser.py",
     "examples",
-    "test_film.py",
     "fuzz",
 )
 

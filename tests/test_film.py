@@ -18,7 +18,7 @@ from tests.report.made import SIZE, Made
 
 @pytest.fixture(scope="module")
 def made() -> Made:
-    return Made()
+    return Made(frames=12)
 
 
 def result_of(job: Job) -> Result:
@@ -27,7 +27,7 @@ def result_of(job: Job) -> Result:
 
 def test_films_are_written_whether_or_not_there_are_videos(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made, filmed=("v1",))
-    films = films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)
+    films = films_of(result_of(job), "both", mesh=False, motion="final", opacity=0.7)
     names = ["overlay_v1.mp4", "overlay_v2.mp4", "overlay_v3.mp4", "side_by_side.mp4"]
     assert [film.name for film in films] == names
     steps: list[tuple[str, int]] = []
