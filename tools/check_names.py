@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("imocap", "imocap_core", "stages", "benchmarks", "tools")
 PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "actions/*.md", "artifacts/*.md")
 PAGES += ("imocap_core/**/*.md",)
-MOST_TEST_LINES = 46_800  # of tests/**/*.py; may only fall
+MOST_TEST_LINES = 46_700  # of tests/**/*.py; may only fall
 MOST_WORDS = 39_500  # of all pages but the changelog, as `wc -w` counts; may only fall
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})
 
