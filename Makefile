@@ -2,8 +2,9 @@
 #
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make all ACTION=all    every action below actions/, several at once
-#   make test              the whole test suite
-#   make test-pythons      the quick tests on every Python of PYTHONS (3.12 3.13) that is here; gigabytes on Linux
+#   make test              the tests but the long ones, minutes
+#   make test-all          every test, the numbers of whole runs too (CI)
+#   make test-pythons      make test on every Python of PYTHONS (3.12 3.13) that is here; gigabytes on Linux
 #   make test-readers      our files in Blender, ufbx, OpenUSD, ezc3d, OpenSim and Rerun: 1.5 GB, in .venv-readers
 #   make check             lint, format, types, import order, tests
 #   make bench             fast parts beside named alternatives, one core: minutes; table in artifacts/benchmark/speed
@@ -37,7 +38,7 @@ HASHES ?= --require-hashes
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-quick test-pythons test-readers bench check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -60,11 +61,10 @@ all: $(STAMP)
 	@$(BIN)/imocap $(if $(filter all,$(ACTION)),run-all --all,run '$(ACTION)')
 
 test: $(STAMP)
-	@$(PYTEST)
+	@$(PYTEST) -m 'not long'
 
-QUICK := tests/test_*.py $(addprefix tests/,artifacts io problem unpickle verdict)
-test-quick: $(STAMP)
-	@$(PYTEST) $(QUICK)
+test-all: $(STAMP)
+	@$(PYTEST)
 
 PYTHONS ?= 3.12 3.13
 INSTALL_SECONDS ?= 900

@@ -3,12 +3,16 @@
 import gc
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jaxtyping
 import pytest
 from hypothesis import settings
 
 from tests.shape_check import begin_test, check_annotations
+
+if TYPE_CHECKING:
+    from tests.report.made import Made
 
 # Rooms whose annotations (types, and shapes of arrays) are checked in the tests.
 CHECKED: tuple[str, ...] = (
@@ -44,17 +48,27 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.workspace",
 )
 
-# A file's tests stay on one worker (Makefile): the files that take longest begin first, so that
-# none of them is alone at the end.
-LONGEST = (
-    "sync/test_playback_rate.py",
-    "chaos/test_threads_and_order.py",
-    "sync/test_anchors.py",
-    "regression/test_yoga.py",
-    "regression/test_balance_beam.py",
-    "sync/test_screening.py",
-    "cli/test_sync_command.py",
+# Left out by `make test`: whole runs of the pipeline and synchronisations of several videos, killed
+# processes, servers, browsers, and the measurements behind the benchmarks. A file's tests stay on
+# one worker (Makefile): what takes longest begins first, so that nothing is alone at the end.
+LONG = (
+    "regression",
     "sync/test_hard_videos.py",
+    "sync/test_screening.py",
+    "sync/test_rate.py",
+    "sync/test_anchors.py",
+    "chaos",
+    "collect/test_listing.py",
+    "cli/test_sync_command.py",
+    "cli/test_run_all_apart.py",
+    "executors/test_cluster.py",
+    "benchmarks",
+    "pick/test_page_in_browser.py",
+    "viewer/test_viewer_in_browser.py",
+    "compare/test_comparison_in_browser.py",
+    "report/test_report_page_in_browser.py",
+    "examples",
+    "fuzz",
 )
 
 check_annotations(CHECKED)
@@ -65,11 +79,18 @@ settings.register_profile("imocap", deadline=None, derandomize=True, max_example
 settings.load_profile("imocap")
 
 
+@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first, all else as collected."""
-    folder = Path(__file__).parent
-    rank = {folder / name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: rank.get(item.path, len(rank)))
+    """Long tests are marked so and come first, all else as collected."""
+    places = [Path(__file__).parent / name for name in LONG]
+    rank = {
+        path: next((n for n, place in enumerate(places) if path.is_relative_to(place)), None)
+        for path in {item.path for item in items}
+    }
+    for item in items:
+        if rank[item.path] is not None:
+            item.add_marker(pytest.mark.long)
+    items.sort(key=lambda item: len(LONG) if (n := rank[item.path]) is None else n)
     gc.collect()
     gc.freeze()  # modules and collected tests live to the end: the collector need not search them
     gc.set_threshold(50_000, 20, 50)  # nor, often, what modules keep in caches
@@ -78,6 +99,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_setup() -> None:
     """Annotations are checked at the first calls of each test."""
     begin_test()
+
+
+@pytest.fixture(scope="session")
+def made() -> "Made":
+    """Three videos of one waving body, as artifacts; making them costs more than looking."""
+    from tests.report.made import Made
+
+    return Made()
 
 
 @pytest.fixture

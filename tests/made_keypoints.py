@@ -1,7 +1,5 @@
 """Keypoints of a video as the stage `keypoints` writes them; what a test does not name is usual."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Affinities and soft maps of made synchronisations, as they are stored."""
 
-from __future__ import annotations
-
 from typing import TypedDict
 
 import numpy as np

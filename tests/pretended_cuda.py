@@ -6,8 +6,6 @@ copied from and to the processor by `to` and `cpu` only. What it can't find: a f
 has not, other rounding, and order of summation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any

@@ -1,11 +1,12 @@
 """Processes that nobody waits for (Linux), and what they import."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
@@ -38,3 +39,19 @@ def must_end(process: int, seconds: float) -> None:
     if is_running(process):
         os.kill(process, signal.SIGKILL)
         pytest.fail("it goes on")
+
+
+@contextmanager
+def at_most(seconds: int) -> Iterator[None]:
+    """A body that must end by then: what waits for ever fails here, not with the whole run."""
+
+    def give_up(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError(f"not done after {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)

@@ -1,7 +1,5 @@
 """A server that speaks S3, where it is installed: `pip install s3fs 'moto[server]'`."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import socket

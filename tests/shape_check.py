@@ -4,8 +4,6 @@ A check takes some fifty microseconds. At every call of small functions in inner
 fifth of the time of the slowest tests, for what the first calls had shown.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import inspect

@@ -1,7 +1,5 @@
 """Laws of Procrustes alignment, and a slow twin for the batched code."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize

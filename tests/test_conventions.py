@@ -1,7 +1,5 @@
 """The constants agree with each other."""
 
-from __future__ import annotations
-
 import pytest
 
 from imocap_core import conventions as c

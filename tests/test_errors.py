@@ -1,7 +1,5 @@
 """Sentences about the system's faults name a place and a remedy, and nothing a terminal obeys."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every parameter has its default, unit, bounds and description in one place."""
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import json
@@ -61,8 +59,6 @@ def test_the_table_shows_one_group_or_the_values_in_force() -> None:
 def test_the_page_of_parameters_is_up_to_date() -> None:
     file = ROOT / "tools" / "make_parameter_docs.py"
     spec = importlib.util.spec_from_file_location("make_parameter_docs", file)
-    assert spec is not None
-    assert spec.loader is not None
     tool = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tool)
     page = (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")

@@ -1,7 +1,5 @@
 """Laws of rotations: representations round-trip, also where their formulas are delicate."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

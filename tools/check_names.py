@@ -1,5 +1,5 @@
 """Names that say how a value came about and not what it is are refused, classes named twice, and
-whatever has grown beyond its budget: the core, its functions, the documentation.
+whatever has grown beyond its budget: the core, its functions, tests, documentation.
 
     python -m tools.check_names      # 0: clean; 1: one line a fault
 
@@ -28,6 +28,7 @@ BUDGETS = {
     "lines of the core's longest function": 84,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 13,
+    "lines of the tests": 47_050,
     "words of the documentation": 39_500,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
@@ -121,9 +122,15 @@ def measured(sources: dict[str, str]) -> dict[str, int]:
     }
 
 
-def overruns(sources: dict[str, str], words: int) -> list[str]:
-    """One line for every budget that is overrun."""
-    sizes = measured(sources) | {"words of the documentation": words}
+def lines_of_tests(root: Path) -> int:
+    """Lines of everything below tests/."""
+    return sum(len(f.read_bytes().splitlines()) for f in (root / "tests").rglob("*.py"))
+
+
+def overruns(sources: dict[str, str], **others: int) -> list[str]:
+    """One line for every budget that is overrun; others: sizes outside the core, by their names
+    with underscores."""
+    sizes = measured(sources) | {name.replace("_", " "): size for name, size in others.items()}
     return [
         f"{what}: {size:,}, at most {BUDGETS[what]:,}: cut before you add"
         for what, size in sizes.items()
@@ -135,7 +142,9 @@ def main() -> int:
     files = [file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
     sources = {f.relative_to(ROOT).as_posix(): f.read_text(encoding="utf-8") for f in files}
     core = {path: source for path, source in sources.items() if path.startswith(f"{CORE}/")}
-    lines = faults(sources) + overruns(core, words_of_pages(ROOT))
+    words, tests = words_of_pages(ROOT), lines_of_tests(ROOT)
+    lines = faults(sources)
+    lines += overruns(core, words_of_the_documentation=words, lines_of_the_tests=tests)
     print("\n".join(lines) if lines else f"names: {len(files)} files, no filler, no class twice")
     return 1 if lines else 0
 

@@ -25,6 +25,16 @@ class StartedCluster:
     workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
 
+def ended(process: subprocess.Popen[bytes]) -> None:
+    """End a process, one that does not heed it too."""
+    process.terminate()
+    try:
+        process.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
 @contextmanager
 def started_cluster(
     roots: Sequence[Path], environment: Mapping[str, str], *, replaced: bool = True
@@ -48,8 +58,7 @@ def started_cluster(
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )
-            stack.callback(process.wait)
-            stack.callback(process.terminate)
+            stack.callback(ended, process)
             return process
 
         start("dask_scheduler", "--host", "127.0.0.1", "--port", str(port))

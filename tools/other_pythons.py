@@ -1,4 +1,4 @@
-"""The quick tests on other Pythons:  python tools/other_pythons.py 3.12 3.13 (make test-pythons).
+"""`make test` on other Pythons:  python tools/other_pythons.py 3.12 3.13 (make test-pythons).
 
 Each gets its own environment, .venv-3.12. A Python that is not here, or whose packages cannot be
 had within the seconds given, is skipped in a line: on Linux torch brings gigabytes for graphics
@@ -83,8 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             shutil.rmtree(f".venv-{version}", ignore_errors=True)  # gigabytes
             print(f"imocap: skipped Python {version}: its installation {fault}", flush=True)
         else:
-            print(f"imocap: the quick tests on Python {version}", flush=True)
-            failed |= bool(make(["test-quick"], python, version))
+            print(f"imocap: the tests on Python {version}", flush=True)
+            failed |= bool(make(["test"], python, version))
     return int(failed)
 
 

@@ -2,8 +2,8 @@
 
 Each group of readers gets an environment of its own below .venv-readers, and the variable by which
 its tests find it. One that cannot be installed within the seconds given is named, and its tests
-are skipped with a reason. Exit code 1 when a test fails. 1.5 GB in all: nothing of this is part of
-`make test`, where these tests are skipped unless a variable names a reader; CI has the small group.
+are skipped with a reason. Exit code 1 when a test fails. 1.5 GB in all: `make test-all` skips
+these tests unless a variable names a reader; CI has the small group.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ GROUPS = {
     "blender": Readers(
         "IMOCAP_BLENDER",
         ("--no-deps", "-r", BPY),
-        ("tests/io/test_blender.py", "tests/examples", "tests/pipeline/test_export_formats.py"),
+        ("tests/io/test_blender.py", "tests/examples", "tests/export/test_formats.py"),
     ),
     "scenes": Readers(
         "IMOCAP_READERS",
@@ -50,10 +50,10 @@ GROUPS = {
     "opensim": Readers(
         "IMOCAP_OPENSIM",
         ("opensim==4.6.*", "numpy"),
-        ("tests/pipeline/test_export_opensim.py",),
+        ("tests/export/test_opensim.py",),
     ),
     "rerun": Readers(
-        "IMOCAP_RERUN", ("rerun-sdk==0.41.*",), ("tests/io/test_mcap_view.py",), "rerun"
+        "IMOCAP_RERUN", ("rerun-sdk==0.41.*",), ("tests/io/test_foxglove.py",), "rerun"
     ),
 }
 

@@ -247,6 +247,11 @@ def _listen(tasks: queue.SimpleQueue[bytes | None], busy: threading.Event) -> No
 TOPIC = "imocap"
 AHEAD = 2  # tasks submitted for every thread of the cluster: workers never wait for this process
 CONNECT_S = 20
+LOOK_S = 5.0  # between two looks whether this machine's workers are still there
+START_S = 300  # for a worker of this machine to join, however busy the machine is
+ENDED = (
+    "the workers of the Dask cluster on this machine have ended: use fewer workers, or run again"
+)
 WORKERS = "from distributed.cli.dask_worker import main; main()"
 WORKER_SETTINGS = {
     "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
@@ -256,10 +261,13 @@ MISSING = "the executor dask needs Dask's distributed: pip install 'imocap[dask]
 
 
 class Cluster:
-    """An executor on a Dask cluster; made by `dask_cluster`."""
+    """An executor on a Dask cluster; made by `dask_cluster`.
 
-    def __init__(self, client: Client) -> None:
-        self._client = client
+    workers: the process of a cluster on this machine, without which nothing ends; None elsewhere.
+    """
+
+    def __init__(self, client: Client, workers: Process | None = None) -> None:
+        self._client, self._workers = client, workers
         self._futures: dict[str, Future] = {}
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._tasks: dict[str, Task] = {}
@@ -286,11 +294,19 @@ class Cluster:
         future.add_done_callback(lambda future: self._events.put(_end_of(task, future)))
 
     def wait(self, watch: Watch) -> Ended:
-        """Wait until an attempt ends."""
-        while not isinstance(event := self._events.get(), Ended):
+        """Wait until an attempt ends; WorkFailed when this machine's workers have all ended."""
+        while not isinstance(event := self._next(), Ended):
             watch(event)
         del self._futures[event.task.name]
         return event
+
+    def _next(self) -> Event:
+        while True:
+            try:
+                return self._events.get(timeout=LOOK_S)
+            except queue.Empty:
+                if self._workers is not None and self._workers.poll() is not None:
+                    raise WorkFailed(ENDED) from None
 
     def close(self) -> None:
         """Cancel what has not ended."""
@@ -332,8 +348,9 @@ def dask_cluster(
     except ImportError:
         raise WorkFailed(MISSING) from None
     has_dashboard = importlib.util.find_spec("bokeh") is not None
-    local = _local_cluster(workers, memory_bytes) if address is None else nullcontext(address)
-    with local as address:
+    there = nullcontext((address, None))
+    here = _local_cluster(workers, memory_bytes) if address is None else there
+    with here as (address, process):
         try:
             client = Client(address, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
@@ -342,7 +359,7 @@ def dask_cluster(
             ) from None
         if has_dashboard:
             announce(f"Dask's dashboard: {client.dashboard_link}")
-        executor = Cluster(client)
+        executor = Cluster(client, process)
         try:
             yield executor
         finally:
@@ -351,13 +368,13 @@ def dask_cluster(
 
 
 @contextmanager
-def _local_cluster(workers: int, memory_bytes: int | None) -> Iterator[str]:
-    """Address of a scheduler in this process, with workers of a Python that never imports this
-    process's main module, as `LocalCluster`'s would."""
+def _local_cluster(workers: int, memory_bytes: int | None) -> Iterator[tuple[str, Process]]:
+    """Address of a scheduler in this process, and the process of its workers: of a Python that
+    never imports this process's main module, as `LocalCluster`'s would."""
     from distributed import LocalCluster
 
-    options = [f"--nworkers={workers}", "--nthreads=1", "--no-dashboard", "--death-timeout=30"]
-    options.append(f"--memory-limit={memory_bytes or 0}")
+    options = [f"--nworkers={workers}", "--nthreads=1", "--no-dashboard"]
+    options += [f"--death-timeout={START_S}", f"--memory-limit={memory_bytes or 0}"]
     with LocalCluster(
         n_workers=0,
         processes=False,
@@ -371,9 +388,12 @@ def _local_cluster(workers: int, memory_bytes: int | None) -> Iterator[str]:
             python_command(WORKERS, address, *options), env=os.environ | WORKER_SETTINGS
         )
         try:
-            yield address
+            yield address, process
         finally:
             process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(3 * END_S)
+            process.kill()
             process.wait()
 
 

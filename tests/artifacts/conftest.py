@@ -1,7 +1,5 @@
 """Small artifacts to write and read back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

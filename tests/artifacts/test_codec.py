@@ -1,7 +1,5 @@
 """What is written is read back, whatever happens to the file is noticed."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path
@@ -189,7 +187,6 @@ def test_numbers_that_json_has_not() -> None:
 def test_another_mcap_reader_sees_topics_and_schemas(tmp_path: Path, content: Content) -> None:
     with write(tmp_path / "a.mcap", content).open("rb") as stream:
         summary = make_reader(stream).get_summary()
-    assert summary is not None
     topics = {channel.topic for channel in summary.channels.values()}
     assert {"/header", "/relaxed/entries", "/maps/1/reference_frame"} <= topics
     assert {s.name for s in summary.schemas.values()} == {"imocap.Sync", "imocap.NdArray"}
@@ -223,5 +220,4 @@ def test_what_is_optional_is_not_written_when_there_is_none() -> None:
     hands = HandKeypoints(xy_px=np.zeros((2, 2, 21, 2)), confidence=np.ones((2, 2, 21)))
     held = codec.pack(Keypoints(videos=[video.model_copy(update={"hands": hands})]))
     found = codec.unpack(held, Keypoints).videos[0].hands
-    assert found is not None
     assert np.array_equal(found.confidence, hands.confidence)

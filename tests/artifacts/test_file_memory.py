@@ -1,7 +1,5 @@
 """A file is read again when, and only when, it may have changed."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Arrays are checked at the door: type, shape, and sizes that fields share."""
 
-from __future__ import annotations
-
 from types import GenericAlias
 from typing import Annotated
 

@@ -1,8 +1,5 @@
 """The ablations: variants as data, what they share, what their differences say."""
 
-from __future__ import annotations
-
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +7,6 @@ import pytest
 
 from benchmarks.ablations import claims, sync_only
 from benchmarks.ablations import measure as ablations
-from benchmarks.ablations import tables as ablation_tables
 from benchmarks.ablations.variants import VARIANTS, VariantRun, chosen_variants
 from benchmarks.actions.choice import Choice
 from benchmarks.scoring.costs import Cost
@@ -21,7 +17,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.pipeline.source import PROJECT
 from imocap_core.workspace import Workspace
-from tests.benchmarks.test_tcc_benchmark import swinging_video
+from tests.benchmarks.test_tcc import swinging_video
 
 BY_NAME = {variant.name: variant for variant in VARIANTS}
 
@@ -98,43 +94,12 @@ def test_a_verdict_needs_two_standard_errors() -> None:
     assert claims.verdict([5.0]) == "undecided"
 
 
-def test_a_sentence_by_hand() -> None:
-    scores = scores_of(default=[10.0, 20.0], no_iteration=[12.0, 24.0])
-    claim = claims.Claim("It helps", "default", "no_iteration", (SCALED,))
-    assert claims.sentences([claim], scores) == [
-        "It helps: **confirmed** in scaled MPJPE (+3.0 ± 1.0 mm, 2 of 2 actions)."
-    ]
-    assert claims.sentences([claims.Claim("It helps", "tcc", "default", (SYNC,))], scores) == []
-
-
 def test_every_claim_speaks_of_variants_that_there_are() -> None:
     for claim in (*claims.PAPER_CLAIMS, *claims.OUR_CLAIMS):
         assert {claim.better, claim.worse} <= set(BY_NAME)
 
 
 # --- tables
-
-
-def test_the_table_holds_numbers_paper_cost_and_sentences() -> None:
-    scores = scores_of(monocular=[70.0, 80.0], default=[40.0, 50.0], oracle=[30.0, 40.0],
-                   no_iteration=[45.0, 53.0], tcc=[2000.0])  # fmt: skip
-    scores["oracle"]["a0"] = replace(scores["oracle"]["a0"], costs={})
-    table = ablation_tables.Ablations("T", "the command", "data", ["a0", "a1"], scores)
-    text = ablation_tables.markdown(table)
-    row = "| this program | pipeline.yaml as it is | 2 | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |"
-    assert f"{row} 0.77 | 0.45 ± 0.05 | – | 75 | 70 | 1.0 |" in text
-    assert "`the command`" in text
-    assert "Missing (not measured on this code): tcc (a1)" in text
-    assert "* Iteration is better than a single pass: **confirmed**" in text
-    assert "| tcc | 20.00 | – |" in text
-    assert "tcc,a0,sync_error_pct,20.0" in ablation_tables.csv_text(table)
-    assert '"claims"' in ablation_tables.json_text(table)
-
-
-def test_what_variants_share_is_counted_once() -> None:
-    scores = scores_of(default=[40.0], no_iteration=[45.0])
-    table = ablation_tables.Ablations("T", "c", "d", ["a0"], scores)
-    assert "took 70 s when" in ablation_tables.markdown(table)
 
 
 # --- running

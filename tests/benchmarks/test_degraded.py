@@ -1,7 +1,5 @@
 """The benchmark of degraded footage: its pictures, its action folders, its choices, its table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +10,12 @@ import yaml
 from benchmarks.degraded import measure as degraded
 from benchmarks.degraded.folders import make_footage
 from benchmarks.degraded.footage import FOOTAGES, THIRDS, degraded_pictures
-from benchmarks.degraded.measure import ACTIONS, check_choice, measure
-from benchmarks.degraded.tables import DegradedScore, markdown
+from benchmarks.degraded.measure import ACTIONS
+from benchmarks.degraded.tables import DegradedScore
 from benchmarks.detector.degradations import LEGS
 from benchmarks.detector.reference import PARTS, SIDES
-from benchmarks.parallel import LineDisplay
 from benchmarks.stability.tables import VariantScore
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WorkFailed
 from imocap_core.io.video import probe, read_rgb, write_h264
 from imocap_core.workspace import Workspace
 
@@ -105,17 +102,6 @@ def test_a_dropped_frame_shows_the_last_picture_again() -> None:
     assert (changed("dropped-all", 2)[:, 0, 0, 0] != levels).any()  # each video drops others
 
 
-def test_every_degradation_is_run_in_one_video_and_but_for_the_second_person_in_all() -> None:
-    assert [footage.name for footage in FOOTAGES] == [
-        *("plain", "legs-one", "legs-all", "blur-one", "blur-all"),
-        *("second-one", "dropped-one", "dropped-all"),
-    ]
-    videos = {f.extent: [f.degrades(v) for v in range(4)] for f in FOOTAGES}
-    assert videos["none"] == [False] * 4
-    assert videos["one"] == [False, True, False, False]
-    assert videos["all"] == [True] * 4
-
-
 def test_a_degraded_action_is_detected_and_has_the_truth_of_its_source(source: Path) -> None:
     folder = made(source, "legs-one")
     action = yaml.safe_load((folder / "action.yaml").read_text())
@@ -131,30 +117,12 @@ def test_a_degraded_action_is_detected_and_has_the_truth_of_its_source(source: P
     assert inside == [4 <= t < 8 for t in range(FRAMES)]
 
 
-def test_legs_of_all_videos_are_hidden_in_other_thirds(source: Path) -> None:
-    folder = made(source, "legs-all")
-    begins = []
-    for video in VIDEOS:
-        shown = [picture for _, picture in read_rgb(folder / "videos" / f"{video}.mp4")]
-        begins.append([has_hidden_legs(picture) for picture in shown].index(True))
-    assert begins == [4, 0, 8, 6]
-
-
 def test_a_folder_is_made_once_and_again_when_its_source_changes(source: Path) -> None:
     folder = made(source, "plain")
     before = folder.stat().st_ino
     assert made(source, "plain").stat().st_ino == before
     write_h264(source / "videos" / "v1.mp4", pictures()[::-1], 30.0)
     assert made(source, "plain").stat().st_ino != before
-
-
-def test_unknown_choices_are_wrong_use() -> None:
-    check_choice(("crowd",), ("legs", "dropped"))
-    with pytest.raises(WrongUse, match="--only yoga: expected one of balance_beam, crowd"):
-        check_choice(("yoga",), ())
-    expected = "plain, legs, blur, second, dropped"
-    with pytest.raises(WrongUse, match=f"--variants half: expected one of {expected}"):
-        check_choice((), ("legs", "half"))
 
 
 def score(variant: Any, **more: Any) -> DegradedScore:
@@ -180,34 +148,3 @@ def workspace(source: Path, monkeypatch: pytest.MonkeyPatch) -> Workspace:
     monkeypatch.setattr(degraded, "check_detector", lambda root: None)
     monkeypatch.setattr(degraded, "one_footage", one_footage)
     return Workspace(source.parents[1])
-
-
-def test_the_table_has_what_was_chosen_and_names_what_failed_or_is_missing(
-    workspace: Workspace,
-) -> None:
-    text, folder = measure(workspace, (), ("legs", "blur"), LineDisplay())
-    assert (folder / "table.md").read_text() == text
-    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if "| balance" in line]
-    assert [row[2] for row in rows] == ["none", "one", "all", "one", "all"]
-    assert rows[0][3:] == ["48.2", "33.7", "0.65", "0.50", "2.00", "none", "7", "5"]
-    assert rows[1][8] == "cam02 left out"
-    assert "nobody was detected" in rows[3][1]
-    assert set(rows[3][3:]) == {"–"}
-    assert "balance_beam-second-one, balance_beam-dropped-one, balance_beam-dropped-all" in text
-    assert "**Not measured:**" in text
-    assert "crowd holds no .npz file" in text
-
-
-def test_no_action_to_run_is_a_failure_that_says_why(workspace: Workspace) -> None:
-    with pytest.raises(WorkFailed, match=r"crowd holds no \.npz file"):
-        measure(workspace, ("crowd",), (), LineDisplay())
-
-
-def test_a_table_of_everything_names_nothing_missing(workspace: Workspace) -> None:
-    text, _ = measure(workspace, ("balance_beam",), ("plain",), LineDisplay())
-    assert "Missing" in text
-    variants = [degraded.DegradedAction(workspace.root, "crowd", footage) for footage in FOOTAGES]
-    whole = markdown([score(variant, mirrored=("cam04",)) for variant in variants])
-    assert "Missing" not in whole
-    assert "Not measured" not in whole
-    assert whole.count("| cam04 mirrored | 7 | 5 |") == len(FOOTAGES)

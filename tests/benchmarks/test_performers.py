@@ -1,44 +1,49 @@
-"""A body takes over a captured performer's limbs and trunk."""
+"""Captured joints on another body keep their directions, and feet in contact stay in contact."""
 
 import numpy as np
-import torch
+import pytest
 
-from benchmarks.synthetic.performers import BONES, limb_lengths_m, perform, shape_of_limbs
-from imocap_core.body import load_free_body
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.rotations import exp, log
-from tests.benchmarks.test_retargeting import (
-    WORLD_FROM_BODY,
-    captured,
-    performed,
-    stance_and_skeleton,
-)
+from benchmarks.performers.action import PERFORMERS, bone_ratios
+from benchmarks.performers.bodies import LIMBS, PARENT_OF, limb_lengths_m, with_bones
+from imocap_core.conventions import EVAL_14
+
+ROW = EVAL_14.index
 
 
-def test_a_shape_has_the_limbs_that_were_asked_for() -> None:
-    model = load_free_body()
-    betas = torch.zeros(10, dtype=torch.float64)
-    betas[0], betas[1] = -1.0, 0.8
-    rest = model.shape(betas).joints_rest
-    place = {name: rest[SMPL_JOINTS.index(f"left_{name}")] for name in (*BONES, *BONES.values())}
-    lengths = {far: float((place[far] - place[near]).norm()) for far, near in BONES.items()}
-    shaped = model.shape(shape_of_limbs(model, lengths)).joints_rest
-    for far, near in BONES.items():
-        ends = [shaped[SMPL_JOINTS.index(f"left_{name}")] for name in (far, near)]
-        assert abs(float((ends[0] - ends[1]).norm()) - lengths[far]) < 0.003, far
+def joints() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return rng.normal(0, 0.3, (5, 14, 3)) + [1.0, 2.0, 1.0]
 
 
-def test_a_performance_is_taken_over() -> None:
-    stance, skeleton = stance_and_skeleton()
-    thetas = [performed(6), performed(7)[:25]]
-    clips = [captured(theta) for theta in thetas]
-    betas, motions = perform(load_free_body(), skeleton, stance, clips)
-    assert np.abs(betas).max() < 0.3  # the skeleton was made of the mean body
-    assert set(limb_lengths_m(skeleton, clips)) == set(BONES)
-    for theta, motion in zip(thetas, motions, strict=True):
-        assert motion.R_local.shape == (len(theta), 24, 3, 3)
-        R = exp(torch.as_tensor(theta)).numpy()
-        np.testing.assert_allclose(motion.R_local[:, 0], WORLD_FROM_BODY @ R[:, 0], atol=0.05)
-        knee = SMPL_JOINTS.index("left_knee")
-        bend = [log(torch.as_tensor(x[:, knee])).norm(dim=-1).numpy() for x in (motion.R_local, R)]
-        np.testing.assert_allclose(*bend, atol=0.1)
+def test_bones_get_their_ratios_and_keep_their_directions() -> None:
+    ratio = bone_ratios("walk")["A"]
+    before, after = joints(), with_bones(joints(), ratio)
+    for far, near in PARENT_OF.items():
+        a, b = (x[:, ROW(far)] - x[:, ROW(near)] for x in (before, after))
+        np.testing.assert_allclose(b, ratio[far] * a, atol=1e-12)
+    for far in LIMBS:
+        expected = ratio[far] * limb_lengths_m(before)[far]
+        assert limb_lengths_m(after)[far] == pytest.approx(expected)
+
+
+def test_the_mean_body_changes_nothing() -> None:
+    ratio = dict.fromkeys(bone_ratios("walk")["A"], 1.0)
+    np.testing.assert_allclose(with_bones(joints(), ratio), joints(), atol=1e-12)
+
+
+def test_a_foot_in_contact_stays_in_contact() -> None:
+    """Legs of one ratio: a foot that stands still in the capture stands still."""
+    standing = joints()
+    standing[:, ROW("left_ankle")] = standing[0, ROW("left_ankle")]
+    hips = standing[:, [ROW("left_hip"), ROW("right_hip")]].mean(axis=1)
+    ratio = dict.fromkeys(bone_ratios("walk")["A"], 1.1)
+    moved = with_bones(standing, ratio)[:, ROW("left_ankle")]
+    assert np.ptp(moved, axis=0).max() < 1e-12
+    assert np.ptp(hips, axis=0).max() > 0.1
+
+
+def test_performers_have_bodies_of_their_own() -> None:
+    first, second = bone_ratios("walk").values()
+    assert max(abs(first[bone] - second[bone]) for bone in LIMBS) > 0.02
+    assert bone_ratios("walk") == bone_ratios("walk")
+    assert set(bone_ratios("walk")) == set(PERFORMERS)

@@ -1,95 +1,97 @@
-"""Captured joints retargeted to a body and rendered: the ground truth agrees with the video."""
+"""The benchmark from pixels: its folders, its tables, and that a second run does nothing again."""
 
-from __future__ import annotations
-
-from functools import cache
-from itertools import islice
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from benchmarks.synthetic.large_room import HEIGHT_M, KINDS, large_room
+from benchmarks.actions.captured import CapturedVideo
+from benchmarks.detector.detection_errors import DetectedClip
+from benchmarks.rendered import action as rendered_action
+from benchmarks.rendered.action import _with_body_joints, key_of, true_pose
+from benchmarks.rendered.jobs import RenderedChoice
+from benchmarks.rendered.measure import measure
+from benchmarks.rendered.tables import proposal
 from benchmarks.synthetic.performers import RetargetedMotion
-from benchmarks.synthetic.rendered import film_motion, render_frames, true_points_px, viewed_side
-from imocap_core.body import Shaped, load_free_body
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.body import load_free_body
+from imocap_core.errors import WrongUse
 from imocap_core.rotations import exp
-from imocap_core.synthetic.cameras import CameraPlacement
-
-FRAMES = 8
-SIZE = (160, 120)
+from imocap_core.workspace import Workspace
+from tests.benchmarks.test_detector import NAMES, SPREAD, film
 
 
-@cache
-def performer() -> Shaped:
-    model = load_free_body(dtype=torch.float64)
-    return model.shape(torch.zeros(model.num_betas, dtype=torch.float64))
+def films() -> list[DetectedClip]:
+    rng = np.random.default_rng(0)
+    return [replace(film(rng, 600), side=side) for side in ("front", "front", "back")]
 
 
-def upright(turn_rad: float = 0.0) -> RetargetedMotion:
-    """Stands with z up, lifts the left arm, bends the right knee; turned about z."""
-    turns = torch.zeros(FRAMES, 24, 3, dtype=torch.float64)
-    time = torch.linspace(0, 1, FRAMES, dtype=torch.float64)
-    turns[:, SMPL_JOINTS.index("left_shoulder"), 2] = 0.9 * time
-    turns[:, SMPL_JOINTS.index("right_knee"), 0] = 1.0 * time
-    turns[:, 0, 0] = np.pi / 2
-    R_local = exp(turns)
-    about_z = exp(torch.tensor([0.0, 0.0, turn_rad], dtype=torch.float64))
-    R_local[:, 0] = about_z @ R_local[:, 0]
-    transl = torch.zeros(FRAMES, 3, dtype=torch.float64)
-    transl[:, 2] = 1.0
-    return RetargetedMotion(R_local.numpy(), transl.numpy())
+def test_the_proposal_gives_back_what_simulated_detections_were_made_with() -> None:
+    from benchmarks.detector.detection_errors import point_errors
+
+    given = films()
+    table = proposal(given, point_errors(given, NAMES), NAMES)
+    rows = dict(line.strip("| ").split(" | ") for line in table.splitlines()[2:] if "|" in line)
+    assert float(rows["noise"]) == pytest.approx(SPREAD, rel=0.1)
+    assert float(rows["persistence_s"]) == pytest.approx(0.3, abs=0.15)
+    assert float(rows["swap_rate"]) == 0
+    assert float(rows["miss_rate"]) == 0
 
 
-def joints_of(motion: RetargetedMotion, shaped: Shaped) -> np.ndarray:
-    posed = shaped.pose(torch.as_tensor(motion.R_local), torch.as_tensor(motion.transl))
-    return posed.joints.numpy()
+def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
+    """A joint of the film, in the common world, is where the captured one was."""
+    rng = np.random.default_rng(1)
+    captured = rng.normal(size=(5, 24, 3))
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    shift = np.array([1.0, 2.0, 0.3])
+    shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
+    floor = 0.12
+    filmed = rendered_action.FilmedMotion(
+        RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
+        captured - [0, 0, floor],
+        np.eye(3),
+        np.eye(3),
+        np.array([0.0, 0.0, 4.0]),
+        (64, 48),
+        0.0,
+        floor,
+    )
+    truth = _with_body_joints(shot, filmed).truth("v1", filmed.K, filmed.R, filmed.t)
+    assert np.allclose(truth["v1/joints"], captured @ turn.T + shift)
+    in_camera = truth["v1/joints"] @ truth["v1/R"].T + truth["v1/t"]
+    assert np.allclose(in_camera, filmed.joints + filmed.t)
 
 
-@pytest.mark.parametrize(
-    ("turn_deg", "side"), [(0, "front"), (90, "side"), (180, "back"), (-90, "side")]
-)
-def test_what_a_camera_sees(turn_deg: float, side: str) -> None:
-    joints = joints_of(upright(np.deg2rad(turn_deg)), performer())
-    R = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])  # from -y, z up
-    assert viewed_side(joints, R, -R @ np.array([0.0, -4.0, 1.0])) == side
+def test_the_true_pose_puts_the_body_at_its_true_joints() -> None:
+    shaped = load_free_body().shape(0.5 * torch.ones(10, dtype=torch.float64))
+    theta = 0.3 * torch.randn(4, 24, 3, generator=torch.Generator().manual_seed(1)).double()
+    motion = RetargetedMotion(exp(theta).numpy(), np.linspace(0, 1, 12).reshape(4, 3))
+    joints = shaped.pose(*map(torch.as_tensor, (motion.R_local, motion.transl))).joints.numpy()
+    turn = exp(torch.tensor([0.1, 0.7, -0.4], dtype=torch.float64)).numpy()
+    shift = np.array([0.2, -1.0, 3.0])
+    shot = CapturedVideo(joints[:, :14], np.arange(4.0), np.arange(4), 30.0, turn, shift)
+    pose = true_pose("v1", motion, shot, shaped, np.full(10, 0.5))
+    R_local = exp(torch.as_tensor(pose["v1/theta"]).reshape(4, 24, 3))
+    posed = shaped.pose(R_local, torch.as_tensor(pose["v1/trans"])).joints.numpy()
+    np.testing.assert_allclose(posed, joints @ turn.T + shift, atol=1e-9)
 
 
-def test_feet_stand_on_the_floor_and_everything_is_in_the_picture() -> None:
-    filmed = film_motion(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
-    xy_px, depth_m = true_points_px(filmed, performer(), "body33")
-    assert ((xy_px > 0) & (xy_px < SIZE)).all()
-    assert (depth_m > 1).all()
-    ankles = filmed.joints[:, [SMPL_JOINTS.index("left_ankle")], 2]
-    assert 0.02 < np.median(ankles) < 0.15
-    lowered = filmed.motion.transl + [0, 0, filmed.floor_m]
-    assert np.allclose(lowered, upright().transl)
+def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(WrongUse, match="--videos: expected 1 to 4, got 5"):
+        RenderedChoice(videos=5)
+    folder = tmp_path / "trials"
+    folder.mkdir()
+    (folder / "one.npz").write_bytes(b"x")
+    monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
+    with pytest.raises(WrongUse, match="--only two: expected one of one"):
+        measure(Workspace(tmp_path), RenderedChoice(only=("two",)), None)  # type: ignore[arg-type]
 
 
-def test_the_video_shows_the_body_at_its_stated_place() -> None:
-    filmed = film_motion(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
-    first, *_, last = islice(render_frames(filmed, performer(), 1, 7), FRAMES)
-    assert first.shape == (SIZE[1], SIZE[0], 3)
-    again = next(render_frames(filmed, performer(), 1, 7))
-    assert np.array_equal(first, again)
-    xy_px, _ = true_points_px(filmed, performer(), "smpl24")
-    wrist = SMPL_JOINTS.index("left_wrist")
-    moved = np.abs(last.astype(int) - first).sum(axis=-1)
-    x, y = np.rint(xy_px[-1, wrist]).astype(int)
-    assert moved[y - 2 : y + 3, x - 2 : x + 3].mean() > 5 * np.median(moved)
-
-
-@pytest.mark.parametrize("kind", range(KINDS))
-def test_a_large_room_contains_performer_and_camera(kind: int) -> None:
-    path, camera = np.array([[-1.0, 2.0, 0], [3.0, -1.0, 0]]), np.array([4.0, -5.0, 1.5])
-    azimuth = float(np.rad2deg(np.arctan2(camera[0], -camera[1])))
-    floor, *walls = large_room(kind, azimuth, path, camera, 7)
-    inverse = np.linalg.pinv(np.column_stack([floor.along, floor.down]))
-    extent = np.array(floor.texture.shape[1::-1]) / 150
-    for point in (*path, camera * [1, 1, 0]):
-        place = inverse @ (point - floor.corner)
-        assert ((place > 0.9) & (place < extent - 0.9)).all()
-    for wall in walls:
-        assert np.isclose(wall.corner[2], HEIGHT_M)
-        assert np.allclose(wall.down, [0, 0, -1])
+def test_an_action_is_named_by_what_it_is_made_of(tmp_path: Path) -> None:
+    file = tmp_path / "one.npz"
+    file.write_bytes(b"x")
+    keys = {key_of("one", file, videos, small) for videos in (3, 4) for small in (True, False)}
+    file.write_bytes(b"y")
+    keys.add(key_of("one", file, 4, False))
+    assert len(keys) == 5

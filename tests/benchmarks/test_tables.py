@@ -1,9 +1,7 @@
 """Tables of a benchmark, and their place in the documentation."""
 
-from __future__ import annotations
-
 import json
-from dataclasses import replace
+import os
 from pathlib import Path
 from typing import get_args
 
@@ -14,11 +12,13 @@ from benchmarks import docs, tables
 from benchmarks.ablations import report as ablations_report
 from benchmarks.motion import tables as motion_tables
 from benchmarks.names import MEASUREMENTS, BenchmarkName, report_of
-from benchmarks.scoring.costs import Cost
+from benchmarks.parallel import each
+from benchmarks.scoring.costs import Cost, Meter, peak_gb, reset_peak
 from benchmarks.scoring.score_file import RESULTS, ActionScore
-from benchmarks.tables import DETAILS
+from imocap_core.artifacts.store import Stored
 from imocap_core.cli import main
-from imocap_core.errors import WrongUse
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.pipeline.runner import Outcome
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -58,38 +58,6 @@ def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
     assert numbers["means"]["after loop"]["mpjpe_scaled_mm"]["mean"] == 45.0
 
 
-def test_all_joints_have_a_column_where_the_truth_has_them() -> None:
-    fewer = made_score("jump", 50.0)
-    numbers = {name: {**row, "mpjpe_24_mm": 61.5} for name, row in fewer.numbers.items()}
-    for score, expected in ((fewer, False), (replace(fewer, numbers=numbers), True)):
-        benchmark = motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", [score])
-        text = motion_tables.markdown(benchmark)
-        assert ("24 joints" in text) == expected
-        assert ("61.5" in text) == expected
-
-
-def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
-    benchmark = motion_tables.MotionBenchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
-    assert "| 4 videos, generic 2D | after loop | 76.48 | 50.0 |" in motion_tables.markdown(
-        benchmark
-    )
-
-
-def test_fewer_videos_stand_beside_the_paper_s_row_of_as_many() -> None:
-    scores = [replace(made_score("jump", 50.0), videos=2)]
-    benchmark = motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", scores)
-    assert "| 2 videos | after loop | 78.45 | 50.0 |" in motion_tables.markdown(benchmark)
-
-
-def test_the_tables_say_what_it_cost_and_what_is_missing() -> None:
-    scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
-    text = motion_tables.markdown(
-        motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", scores, ["kick"])
-    )
-    assert "took 120 s when it was made, at most 1.0 GB" in text
-    assert "**Missing (not measured on this code): kick.**" in text
-
-
 # --- docs
 
 
@@ -112,22 +80,6 @@ def test_a_table_takes_its_block_and_no_other() -> None:
     assert "<!-- table trials -->\nstays\n<!-- end -->" in page
     assert docs.replaced(page, "trials-4v", "## New\n\n| a |") == page
     assert docs.replaced(PAGE, "protocol", "x") == PAGE
-
-
-def test_the_documentation_shows_a_report_to_its_details() -> None:
-    report = f"# T\n\nMade by `x`.\n\n## A\n\n| a |\n\n{DETAILS}\n\n## B\n\n| b |\n"
-    assert docs.essentials(report) == "Made by `x`.\n\n### A\n\n| a |"
-    assert docs.essentials("| a |\n") == "| a |"
-
-
-def test_the_overview_has_a_row_an_action_and_their_mean() -> None:
-    scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
-    shown = docs.essentials(motion_tables.markdown(
-        motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", scores)
-    ))  # fmt: skip
-    assert "| jump | 70.0 | 50.0 | 50.0 | 30.0 | 50 | 25.0 | 0.50 | – |" in shown
-    assert "| **mean** | 70.0 ± 0.0 | 50.0 ± 0.0 | 45.0 ± 5.0 | 30.0 ± 0.0 | 62 |" in shown
-    assert "estimator" not in shown
 
 
 def made_page(root: Path, text: str) -> Path:
@@ -219,3 +171,85 @@ def test_every_name_has_its_measurement() -> None:
     readme = (ROOT / "benchmarks" / "README.md").read_text()
     rows = {line.split("`")[1]: line for line in readme.splitlines() if line.startswith("| `")}
     assert all(f"`{folder}/`" in rows[name] for name, folder in MEASUREMENTS.items())
+
+
+class Recording:
+    """A display that remembers."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def started(self, stage: str, why: list[str]) -> None:
+        self.lines.append(f"{stage} {why}")
+
+    def progress(self, share: float, what: str) -> None:
+        self.lines.append(what)
+
+    def finished(self, outcome: Outcome) -> None:
+        self.lines.append(f"{outcome.stage} {outcome.how}")
+
+    def made_demo(self, name: str, folder: Path) -> None:
+        self.lines.append(name)
+
+    def waiting(self) -> None:
+        self.lines.append("waiting")
+
+    def notice(self, sentence: str) -> None:
+        self.lines.append(sentence)
+
+
+def halve(display: object, number: int) -> tuple[int, str, int]:
+    if number % 2:
+        raise WorkFailed(f"{number} is odd")
+    return number // 2, os.environ.get("OMP_NUM_THREADS", ""), os.getpid()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_task_ends_and_a_fault_stops_no_other(jobs: int) -> None:
+    tasks = [(f"t{n}", (n,)) for n in (2, 3, 4)]
+    ended = {e.name: e for e in each(halve, tasks, jobs, Recording())}
+    assert ended["t3"].result is None
+    assert ended["t3"].fault == "3 is odd"
+    made = [ended[name].result for name in ("t2", "t4")]
+    assert [m[0] for m in made if m is not None] == [1, 2]
+    if jobs == 2:
+        assert all(m is not None and m[1] == "1" and m[2] != os.getpid() for m in made)
+
+
+def stop(display: object, number: int) -> int:
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        raise WorkFailed("stopped") from None
+
+
+def test_the_user_stops_everything() -> None:
+    with pytest.raises(WorkFailed, match="stopped"):
+        list(each(stop, [(f"t{n}", (n,)) for n in range(3)], 1, Recording()))
+
+
+def outcome(how: str) -> Outcome:
+    class Kept(Stored):
+        key = "k"  # type: ignore[assignment]
+
+    stored = Kept.__new__(Kept)
+    return Outcome("sync", how, stored, 1.0)  # type: ignore[arg-type]
+
+
+def test_a_meter_keeps_the_cost_of_what_was_made(tmp_path: Path) -> None:
+    meter = Meter(Recording(), tmp_path / "costs")
+    assert meter.costs([outcome("cached")]) == {}
+    meter.started("sync", [])
+    meter.finished(outcome("made"))
+    cost = meter.costs([outcome("cached")])["sync"]
+    assert 0 <= cost.seconds < 5
+    assert 0 < cost.peak_gb < 100
+
+
+def test_the_peak_falls_when_it_is_reset() -> None:
+    held = bytearray(os.urandom(1) * (200 << 20))
+    high = peak_gb()
+    del held
+    reset_peak()
+    if Path("/proc/self/clear_refs").exists():
+        assert peak_gb() < high - 0.1

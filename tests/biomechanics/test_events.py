@@ -1,7 +1,5 @@
 """Events of made motions: contacts, fastest moments and turning points are where they were put."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Small made-up bodies and a slow, obvious twin of the fast code, for the laws in this folder."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 

@@ -1,7 +1,5 @@
 """Official files: each format is written here by the test, then read back and used."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import sys

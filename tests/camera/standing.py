@@ -1,7 +1,5 @@
 """Bodies of known upright direction, and the cameras that film them."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -61,7 +61,6 @@ def test_colmap_recovers_path_and_focal_length(refine):
     keys = list(range(0, FRAMES, 5))
     start = 1.15 * FOCAL if refine else FOCAL
     structure = reconstruct(tracks, keys, SIZE, start, refine_focal=refine)
-    assert structure is not None
     assert structure.focal_px == pytest.approx(FOCAL, rel=0.03)
     assert len(structure.keys) == len(keys)
     assert path_error(camera_path(structure, tracks, FRAMES, SIZE)) < 0.02

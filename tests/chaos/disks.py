@@ -1,8 +1,6 @@
 """Disks that fail a run: no large files, no room, no fsync. Begun again, it must end as if nothing
 had been."""
 
-from __future__ import annotations
-
 import random
 import resource
 import shutil

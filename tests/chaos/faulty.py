@@ -5,8 +5,6 @@ CHAOS_COUNT=FILE     the number of fsyncs is written to FILE
 CHAOS_ANSWER_S=6     a detector is given up after this time
 """
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

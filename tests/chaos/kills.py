@@ -1,7 +1,5 @@
 """SIGKILL at random moments; begun again, a command must end as if nothing had been."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Processes that work for a run, killed or hung; and a run that is killed while they work."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -8,8 +8,6 @@ with a video that cannot be used. The record, build/chaos.json, grows part by pa
 nothing was lost.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

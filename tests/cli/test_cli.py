@@ -278,14 +278,6 @@ def test_explain_lists_what_a_stage_depends_on(toy: Toy, capsys: Capture) -> Non
     assert "because code: scale.py has changed" in capsys.readouterr().out
 
 
-def test_view_says_where_the_report_is(toy: Toy, capsys: Capture) -> None:
-    toy.imocap(["run", "toy"])
-    capsys.readouterr()
-    assert toy.imocap(["view", "toy"]) == 0
-    report = toy.root / "artifacts" / "toy" / "report" / "index.md"
-    assert str(report) in capsys.readouterr().out
-
-
 def test_an_action_s_own_parameters_hold(toy: Toy, capsys: Capture) -> None:
     file = toy.action / "action.yaml"
     plain = file.read_text()

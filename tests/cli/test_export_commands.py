@@ -1,7 +1,5 @@
 """imocap export and imocap compare as one types them: what is message, and how they end."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -64,7 +62,6 @@ def test_an_export_names_the_run_that_it_is_of(
     assert imocap("export", "walk", "--out", str(tmp_path / "there"))[0] == 0
     run = json.loads((tmp_path / "there" / "export_npz.json").read_text())["run"]
     motion = made.store.load("walk", "refine_sync")
-    assert motion is not None
     assert run["stages"]["refine_sync"] == {"key": motion.key, "digest": motion.digest}
     assert list(run["stages"]) == ["keypoints", "camera_motion", "refine_sync"]
     assert run["seed"] == 7

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.processes import at_most
 from tests.s3_server import needs_s3, s3_store
 from tools.dask_cluster import started_cluster
 
@@ -50,7 +51,7 @@ def test_workers_with_folders_of_their_own_give_what_one_machine_gives(
     toy.ran()
     capsys.readouterr()
     roots = [worker_folder(toy, "first"), worker_folder(toy, "second")]
-    with started_cluster(roots, {"TOY_SCALE": "kill once"}) as cluster:
+    with at_most(300), started_cluster(roots, {"TOY_SCALE": "kill once"}) as cluster:
         words = ["toy", "--executor", "dask", "--address", cluster.address, "--store", store]
         assert toy.imocap(["run-all", *words, "--json"]) == 0
     (end,) = json.loads(capsys.readouterr().out)["actions"]
@@ -67,7 +68,7 @@ def test_a_worker_with_another_pipeline_is_a_sentence(
     root = worker_folder(toy, "first")
     text = (root / "pipeline.yaml").read_text()
     (root / "pipeline.yaml").write_text(text.replace("seed: 7", "seed: 8"))
-    with started_cluster([root], {}) as cluster:
+    with at_most(300), started_cluster([root], {}) as cluster:
         words = ["toy", "--executor", "dask", "--address", cluster.address]
         assert toy.imocap(["run-all", *words, "--store", str(tmp_path / "shared")]) == 1
     assert "has another version of imocap, or another pipeline.yaml" in capsys.readouterr().out

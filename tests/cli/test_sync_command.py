@@ -1,7 +1,5 @@
 """`imocap sync`: what it accepts, what it writes, what it says when it can't."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -116,7 +114,7 @@ def test_videos_with_keypoints_give_a_film_too(
     _keypoints(tmp_path / "in" / "a_keypoints", made, 0)
     other = _video(tmp_path / "in" / "b.mp4", 24)
     beside = _keypoints(tmp_path / "elsewhere", made, 1)
-    assert run(clip, f"{other}:{beside}", "--name", "try") == 0
+    assert run(clip, f"{other}:{beside}", *QUICK, "--name", "try") == 0
     out = tmp_path / "artifacts" / "try" / "sync"
     assert sorted(f.name for f in out.iterdir()) == ["side_by_side.mp4", "sync.csv", "sync.png"]
     film = probe(out / "side_by_side.mp4")

@@ -1,7 +1,5 @@
 """A film of five shots whose people are in the cache of detections already."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Landmarks, as BlazePose writes them, of the free body in front of a camera."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Pictures of places, cut into films."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

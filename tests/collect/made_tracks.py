@@ -1,7 +1,5 @@
 """People who move, filmed from anywhere at any speed: tracks without a detector."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

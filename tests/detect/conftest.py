@@ -4,8 +4,6 @@ It finds a person whose 33 landmarks spread about the brightest column of the pi
 black pictures.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

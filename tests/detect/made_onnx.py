@@ -3,8 +3,6 @@
 Field numbers are those of ONNX's schema (onnx.proto3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

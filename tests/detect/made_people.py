@@ -1,7 +1,5 @@
 """Pictures of people as bars, and networks that find bars: the stand-ins for BlazePose's."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import cv2

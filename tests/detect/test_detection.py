@@ -1,30 +1,46 @@
 """keypoints: detect, with the real worker and a stand-in for the library it calls."""
 
-from __future__ import annotations
-
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
+from threading import Event, Timer
 
 import numpy as np
 import pytest
 
+import imocap_core.detect.workers
 from imocap_core.artifacts.store import Store
+from imocap_core.body.layouts import layout_names
 from imocap_core.detect import detection
-from imocap_core.detect.detection import detect_video, detections_file
-from imocap_core.detect.detectors import detector_of
+from imocap_core.detect.detection import (
+    Undetected,
+    Worker,
+    WorkerGroup,
+    detect_video,
+    detect_videos,
+    detections_file,
+)
+from imocap_core.detect.detectors import Detector, detector_of, frames_with_people, people_arrays
+from imocap_core.detect.environment import FOLDER
 from imocap_core.errors import WorkFailed
 from imocap_core.files import publish_once
 from imocap_core.io.readers.estimates import PerformerBoxes
+from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
 from imocap_core.io.readers.keypoint_readers import guess_detections
 from imocap_core.io.readers.mediapipe import (
     read_mediapipe,
     read_mediapipe_hands,
     read_mediapipe_world,
 )
+from imocap_core.io.video import write_h264
 from imocap_core.params import DetectParams
+from imocap_core.pipeline.source import PROJECT
 from tests.detect.conftest import SIZE, clip
+from tests.detect.made_onnx import person_model, pose_model
+from tests.processes import is_running, must_end, needs_proc
 
 COLUMNS = [20, 22, None, 30, 40]
 
@@ -170,3 +186,189 @@ def test_settings_reach_the_worker_as_they_are(tmp_path: Path) -> None:
     detector = detector_of(params(min_detection_confidence=0.25), tmp_path)
     assert json.loads(json.dumps(detector.settings))["min_detection_confidence"] == 0.25
     assert detector.version == "mediapipe 0.10.21"
+
+
+LENGTHS = (9, 4, 6)
+
+
+@pytest.fixture(params=[1, 3], ids=["one core", "three cores"])
+def many_cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
+    count: int = request.param
+    monkeypatch.setattr(detection, "cores", lambda: count)
+    return count
+
+
+@pytest.fixture
+def detector(tmp_path: Path, detector_python: Path) -> Detector:
+    return detector_of(DetectParams(detector="mediapipe"), tmp_path)
+
+
+def videos(folder: Path, nobody_in: int | None = None) -> list[Undetected]:
+    return [
+        Undetected(
+            clip(folder / f"{row}.mp4", [None if row == nobody_in else 20 + t for t in range(n)]),
+            folder / "out" / f"{row}.npz",
+        )
+        for row, n in enumerate(LENGTHS)
+    ]
+
+
+@pytest.mark.usefixtures("many_cores")
+def test_every_video_has_its_detections_and_the_share_only_grows(
+    tmp_path: Path, detector: Detector, detector_python: Path
+) -> None:
+    made, shares = videos(tmp_path), list[float]()
+    detect_videos(made, detector, detector_python, lambda share, what: shares.append(share))
+    assert shares == sorted(shares)
+    assert len(shares) == sum(LENGTHS)
+    assert np.isclose(shares[-1], 1.0)
+    for one, frames in zip(made, LENGTHS, strict=True):
+        with np.load(one.file) as arrays:
+            assert len(arrays["frames"]) == frames
+
+
+@pytest.mark.usefixtures("many_cores")
+def test_the_others_are_finished_where_one_fails(
+    tmp_path: Path, detector: Detector, detector_python: Path
+) -> None:
+    made = videos(tmp_path, nobody_in=1)
+    with pytest.raises(WorkFailed, match=r"1\.mp4: mediapipe 0\.10\.21 found no person"):
+        detect_videos(made, detector, detector_python, lambda share, what: None)
+    assert [one.file.is_file() for one in made] == [True, False, True]
+
+
+def test_detectors_that_hang_end_with_an_interrupted_run(
+    tmp_path: Path,
+    detector: Detector,
+    detector_python: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The interrupt reaches the main thread only, as Ctrl-C does."""
+    monkeypatch.setattr(detection, "cores", lambda: 3)
+    monkeypatch.setenv("FAKE_DIES_AT", "2")
+    monkeypatch.setenv("FAKE_HANGS", "1")
+    all_hang = Event()
+    workers: list[Worker] = []
+
+    class Pool(detection.ThreadPoolExecutor):
+        def map(self, work, rows, **more):  # type: ignore[no-untyped-def]
+            super().map(work, rows, **more)
+            assert all_hang.wait(60)
+            raise KeyboardInterrupt
+
+    def progress(share: float, what: str) -> None:
+        if share > 0.29:  # two frames of each
+            Timer(0.3, all_hang.set).start()
+
+    add = WorkerGroup.add
+
+    def noted(self: WorkerGroup, worker: Worker) -> None:
+        workers.append(worker)
+        add(self, worker)
+
+    monkeypatch.setattr(detection, "ThreadPoolExecutor", Pool)
+    monkeypatch.setattr(WorkerGroup, "add", noted)
+    with pytest.raises(KeyboardInterrupt):
+        detect_videos(videos(tmp_path), detector, detector_python, progress)
+    assert len(workers) == 3
+    assert all(worker._process.poll() is not None for worker in workers)
+    assert not list(tmp_path.glob("out/*.npz"))
+
+
+ENVIRONMENT = PROJECT / FOLDER
+PYTHON = ENVIRONMENT / "bin" / "python"
+WIDTH, HEIGHT, SIDE = 64, 48, 416
+# Two people in the person model's picture, which shows the video SIDE / WIDTH times as large.
+BOXES = np.array([[65.0, 52.0, 195.0, 260.0], [260.0, 65.0, 325.0, 195.0]])
+
+needs_rtmlib = pytest.mark.skipif(
+    not (ENVIRONMENT / ".installed-rtmlib.txt").exists(),
+    reason="no rtmlib: imocap detect --setup --set detect.detector=rtmlib",
+)
+
+
+def rtmlib(folder: Path, layout: str, **changes: object) -> Detector:
+    count = len(layout_names(layout))
+    points = np.column_stack([np.linspace(0.2, 0.8, count), np.full(count, 0.5)])
+    person_model(folder / "person.onnx", SIDE, BOXES)
+    pose_model(folder / "pose.onnx", (192, 256), points)
+    models = {"rtmlib_person_model": "person.onnx", "rtmlib_pose_model": "pose.onnx"}
+    return detector_of(params(detector="rtmlib", **models, **changes), folder)
+
+
+@needs_rtmlib
+@pytest.mark.parametrize(("hands", "layout"), [(False, "halpe26"), (True, "wholebody133")])
+def test_everybody_is_found_where_the_models_say(tmp_path: Path, hands: bool, layout: str) -> None:
+    video, file = tmp_path / "clip.mp4", tmp_path / "detections.npz"
+    pictures = [np.full((HEIGHT, WIDTH, 3), grey, np.uint8) for grey in (235, 0, 235)]
+    write_h264(video, pictures, 30.0)
+    chosen = rtmlib(tmp_path, layout, hands=hands)
+    assert chosen.layout == layout
+    detect_video(video, file, chosen, PYTHON, lambda share, what: None)
+    assert guess_detections(file) == ("npz", layout)
+    detections = read_keypoints_npz(file, layout)
+    assert [len(people) for people in detections.people] == [2, 0, 2]  # nobody in the dark
+    for person, box in zip(detections.people[2], BOXES * WIDTH / SIDE, strict=True):
+        middle = (box[:2] + box[2:]) / 2
+        assert np.abs(person[:, :2].mean(axis=0) - middle).max() < 0.3
+        assert np.all(np.diff(person[:, 0]) >= 0)
+        assert np.allclose(person[:, 2], 0.75)
+
+
+def test_a_model_of_ones_own_is_part_of_the_key(tmp_path: Path) -> None:
+    chosen = rtmlib(tmp_path, "halpe26")
+    assert [path.name for path in chosen.models] == ["person.onnx", "pose.onnx"]
+    assert chosen.key("video", ["a", "b"]) != chosen.key("video", ["a", "c"])
+    (tmp_path / "elsewhere").mkdir()
+    moved = rtmlib(tmp_path / "elsewhere", "halpe26")
+    assert chosen.key("video", ["a", "b"]) == moved.key("video", ["a", "b"])
+
+
+def test_frames_with_fewer_people_are_filled_up() -> None:
+    person = [[1.0, 2.0], [3.0, 4.0]]
+    answers = [
+        {"keypoints": [person, person], "scores": [[0.5, 0.6], [0.7, 0.8]]},
+        {"keypoints": [], "scores": []},
+        {"keypoints": [person], "scores": [[0.9, 0.4]]},
+    ]
+    arrays = people_arrays(answers)
+    assert arrays["keypoints"].shape == (3, 2, 2, 2)
+    assert arrays["scores"].sum(axis=(1, 2)).tolist() == pytest.approx([2.6, 0.0, 1.3])
+    assert np.isnan(arrays["keypoints"][2, 1]).all()
+    assert frames_with_people(arrays) == 2
+    assert frames_with_people(people_arrays([{"keypoints": [], "scores": []}])) == 0
+
+
+WORKERS = Path(next(iter(imocap_core.detect.workers.__path__)))
+HANGS = f"""
+import sys, time
+sys.path.insert(0, {str(WORKERS)!r})
+import exchange
+def make(settings):
+    print("hangs", file=sys.stderr, flush=True)
+    time.sleep(1e6)
+exchange.serve(make)
+"""
+PROGRAM = """
+import subprocess, sys
+command = [sys.executable, "-c", sys.argv[1], "{}", sys.argv[2]]
+worker = subprocess.Popen(command, stdin=subprocess.PIPE)
+print(worker.pid, flush=True)
+worker.wait()
+"""
+
+
+@needs_proc
+def test_a_detector_that_hangs_ends_when_its_run_is_killed(tmp_path: Path) -> None:
+    pictures, pipe = tmp_path / "pictures", subprocess.PIPE
+    pictures.touch()
+    command = [sys.executable, "-c", PROGRAM, HANGS, str(pictures)]
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        worker = int(program.stdout.readline())
+        assert program.stderr.readline() == "hangs\n"
+        assert is_running(worker)
+        program.kill()
+    must_end(worker, seconds=30)
+    assert not pictures.exists()

@@ -1,7 +1,5 @@
 """The second network: where it looks, what its outputs mean, and what both say together."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """The example that puts a motion onto a free rig. Needs IMOCAP_BLENDER, a Python with `bpy`."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

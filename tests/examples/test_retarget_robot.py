@@ -1,7 +1,5 @@
 """The example that puts a motion onto a robot. Needs mujoco, mink and daqp."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import replace
 from pathlib import Path

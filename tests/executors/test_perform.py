@@ -260,7 +260,7 @@ def test_a_script_needs_no_guard(how: str, tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=100,
+        timeout=300,
     )
     lines = done.stdout.split()
     assert (lines[0], lines[-1], len(lines)) == ("begun", "ended", 3)

@@ -1,7 +1,5 @@
 """Work for tasks: what writes, fails, dies."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

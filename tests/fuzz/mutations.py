@@ -1,7 +1,5 @@
 """Damage to a file's content: bytes changed at random, and values of JSON and YAML exchanged."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

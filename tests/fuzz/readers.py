@@ -1,7 +1,5 @@
 """Everything that reads files of people: a valid file to begin with, and the reading of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

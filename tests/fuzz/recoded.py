@@ -1,7 +1,5 @@
 """Artifacts with damaged parts and right checksums, as a hostile folder has them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ gigabyte more of memory. What was not goes to build/fuzz, and the record of exec
 build/fuzz/record.json; a case is run again with --only READER --seed N.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

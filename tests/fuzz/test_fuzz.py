@@ -1,7 +1,5 @@
 """Damaged files are read or refused in a sentence that names them; longer: `make fuzz`."""
 
-from __future__ import annotations
-
 import warnings
 
 import pytest

@@ -1,7 +1,5 @@
 """A plain reader of C3D files, after c3d.org, to check the writer with."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

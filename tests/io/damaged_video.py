@@ -1,7 +1,5 @@
 """A video of which some frames' compressed data are random."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

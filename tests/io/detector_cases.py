@@ -1,7 +1,5 @@
 """The formats that readers of 2D keypoints are tested on, and how."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

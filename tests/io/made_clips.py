@@ -1,7 +1,5 @@
 """Small clips of the free body, with smooth random motion, for the laws of the writers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

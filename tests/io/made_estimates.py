@@ -1,7 +1,5 @@
 """Small results of every monocular estimator in its true form, of known rotations."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import zlib

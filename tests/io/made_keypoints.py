@@ -1,7 +1,5 @@
 """Small files of 2D keypoints in every format's true form, from frame -> people (K, 3)."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

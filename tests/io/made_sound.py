@@ -1,7 +1,5 @@
 """Recordings of one event by different microphones, and films with a sound track."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import av

@@ -1,7 +1,5 @@
 """Videos whose frames are shown at chosen times."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small videos of every kind that people have, written by PyAV."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Forward kinematics of an .osim file and a .mot file, read plainly: where its markers are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import Element, parse
 

@@ -4,8 +4,6 @@ Needs IMOCAP_BLENDER: an interpreter that has `bpy`; and for the others IMOCAP_R
 ufbx, usd-core and numpy.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

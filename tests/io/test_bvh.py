@@ -1,7 +1,5 @@
 """BVH files read back by a parser of their own: the joints are ours, the angles go on smoothly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """C3D files, read back by a plain reader and, where an interpreter has them, by ezc3d and c3d."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

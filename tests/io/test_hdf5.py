@@ -1,8 +1,6 @@
 """The .h5 files of DeepLabCut and SLEAP: read as their CSV, or refused; nothing in them runs, and
 nothing beside them is opened. Files made by the tools' own libraries where these are installed."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Files that ask for too much are refused in a sentence, before room is made for what they ask."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import lzma

@@ -1,7 +1,5 @@
 """Motion clips: the body's kinematics, whichever rest pose they are written with."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,12 @@
 """OpenPose folders: read as written, refused with a sentence when malformed."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from imocap_core.io.readers.openpose import read_openpose
+from imocap_core.io.readers.openpose import read_openpose, read_openpose_hands
 
 
 def write(folder, number, people):
@@ -43,21 +44,6 @@ def test_a_person_with_only_hands_is_no_body(tmp_path):
     assert len(read_openpose(tmp_path, "body25").people[0]) == 1
 
 
-@pytest.mark.parametrize(("layout", "points"), [("body25", 25), ("body25b", 25), ("coco18", 18)])
-def test_layouts(tmp_path, layout, points):
-    write(tmp_path, 0, [body(points)])
-    assert read_openpose(tmp_path, layout).people[0].shape == (1, points, 3)
-
-
-def test_a_wrong_layout_is_named_with_the_right_one(tmp_path):
-    file = write(tmp_path, 0, [body(18)])
-    with pytest.raises(ValueError, match="got 54; set layout: coco18") as error:
-        read_openpose(tmp_path, "body25")
-    assert str(file) in str(error.value)
-    with pytest.raises(ValueError, match="got 'h36m17'"):
-        read_openpose(tmp_path, "h36m17")
-
-
 def test_broken_files_are_all_named_at_once(tmp_path):
     write(tmp_path, 0, [body()])
     (tmp_path / "clip_1_keypoints.json").write_text('{"people": [')
@@ -88,3 +74,49 @@ def test_two_files_of_one_frame_are_refused(tmp_path):
     (tmp_path / "other_7.json").write_text("{}")
     with pytest.raises(ValueError, match="frame 7 has two files"):
         read_openpose(tmp_path, "body25")
+
+
+BODY = np.column_stack([np.arange(25) * 3.0, np.arange(25) * 5.0])
+FRAMES = np.array([4, 5, 6])
+
+
+def person(shift: float, left: list[float] | None, right: list[float] | None) -> dict:
+    rows = np.column_stack([BODY + shift, np.ones(25)])
+    made: dict = {"pose_keypoints_2d": rows.ravel().tolist()}
+    if left is not None:
+        made["hand_left_keypoints_2d"] = left
+    if right is not None:
+        made["hand_right_keypoints_2d"] = right
+    return made
+
+
+def hand(value: float) -> list[float]:
+    return np.column_stack([np.full((21, 2), value), np.full(21, 0.5)]).ravel().tolist()
+
+
+def write_hands(folder: Path, frame: int, people: list[dict]) -> None:
+    (folder / f"v_{frame:012d}_keypoints.json").write_text(json.dumps({"people": people}))
+
+
+def test_the_hands_of_this_very_person(tmp_path: Path) -> None:
+    write_hands(tmp_path, 4, [person(90, hand(1), hand(2)), person(0, hand(3), None)])
+    write_hands(tmp_path, 6, [person(0, [], hand(5)), person(90, hand(1), hand(2))])
+    hands = read_openpose_hands(tmp_path, FRAMES, np.stack([BODY] * 3))
+    assert hands is not None
+    xy, confidence = hands
+    assert (xy[0, 0] == 3).all()
+    assert (xy[2, 1] == 5).all()
+    assert np.isnan(xy[0, 1]).all()
+    assert np.isnan(xy[1]).all()
+    assert (confidence > 0).sum() == 42
+
+
+def test_without_hands_there_are_none(tmp_path: Path) -> None:
+    write_hands(tmp_path, 4, [person(0, None, [])])
+    assert read_openpose_hands(tmp_path, FRAMES, np.stack([BODY] * 3)) is None
+
+
+def test_a_hand_of_another_length_is_named(tmp_path: Path) -> None:
+    write_hands(tmp_path, 4, [person(0, hand(1)[:60], None)])
+    with pytest.raises(ValueError, match=r"hand_left_keypoints_2d: expected 63 numbers.*got 60"):
+        read_openpose_hands(tmp_path, FRAMES, np.stack([BODY] * 3))

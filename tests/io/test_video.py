@@ -1,18 +1,30 @@
 """Videos written are the videos read."""
 
+import os
+from fractions import Fraction
+from pathlib import Path
+
+import av
 import numpy as np
 import pytest
 
+from imocap_core.io.frame_access import all_frames, check_video
 from imocap_core.io.video import (
     ENCODER,
     ENCODERS,
+    PictureDisplay,
+    axes_of,
+    display_of,
     film_encoder,
+    open_video,
     probe,
     read_gray,
     read_rgb,
     read_rgb_of,
     write_h264,
 )
+from tests.io.made_times import write_timed
+from tests.io.made_videos import FPS, level, turn, write_video
 
 
 def clip(count=7, height=48, width=64):
@@ -91,3 +103,244 @@ def test_an_unknown_encoder_is_refused(monkeypatch):
     monkeypatch.setenv(ENCODER, "rm -rf")
     with pytest.raises(ValueError, match="expected one of libx264, libvpx-vp9, rm -rf is not"):
         film_encoder()
+
+
+def refused(path):
+    with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
+        check_video(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    return str(caught.value).removeprefix(f"{path}: ")
+
+
+@pytest.mark.parametrize("content", ["hello", "1\n00:00:01,000 --> 00:00:02,000\nhé\n", "a,b\n1,2"])
+@pytest.mark.parametrize("suffix", ["mp4", "txt", "srt"])
+def test_text(tmp_path, content, suffix):
+    (tmp_path / f"a.{suffix}").write_text(content, encoding="utf-8")
+    assert refused(tmp_path / f"a.{suffix}") == "expected a video, got text"
+
+
+def test_text_whose_last_letter_is_cut(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(("x" * 1023 + "é").encode())
+    assert refused(tmp_path / "a.mp4") == "expected a video, got text"
+
+
+def test_nothing_and_noise(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(b"")
+    assert "an empty file" in refused(tmp_path / "a.mp4")
+    (tmp_path / "b.mp4").write_bytes(np.random.default_rng(0).bytes(4000))
+    assert "is not a readable video" in refused(tmp_path / "b.mp4")
+    assert "no such video file" in refused(tmp_path / "c.mp4")
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.png", "png"), ("a.jpg", "mjpeg")])
+def test_a_picture(tmp_path, name, codec):
+    with av.open(str(tmp_path / name), "w", format="image2") as container:
+        stream = container.add_stream(codec, rate=1)
+        stream.width, stream.height = 64, 48
+        stream.pix_fmt = "rgb24" if codec == "png" else "yuvj420p"
+        frame = av.VideoFrame.from_ndarray(np.zeros((48, 64, 3), np.uint8), format="rgb24")
+        container.mux([*stream.encode(frame), *stream.encode()])
+    assert refused(tmp_path / name) == "expected a video, got a picture"
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_too_few_frames_have_no_motion(tmp_path, count):
+    message = refused(write_video(tmp_path / "a.mp4", count=count))
+    assert f"expected at least 3 frames, as fewer have no motion, got {count}" in message
+
+
+def test_sound_alone(tmp_path):
+    with av.open(str(tmp_path / "a.m4a"), "w") as container:
+        stream = container.add_stream("aac", rate=48_000)
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 9000), np.float32), "fltp", "mono")
+        silence.rate = 48_000
+        container.mux([*stream.encode(silence), *stream.encode()])
+    assert "no video stream" in refused(tmp_path / "a.m4a")
+
+
+@pytest.mark.parametrize("flags", [{}, {"movflags": "+faststart"}])
+def test_a_file_that_was_cut_short(tmp_path, flags):
+    path = write_video(tmp_path / "a.mp4", count=30, options=flags)
+    assert check_video(path).frame_count == 30
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
+    assert "cut short" in refused(path)
+
+
+def test_stamps_that_are_all_the_same(tmp_path):
+    path = tmp_path / "a.mp4"
+    write_timed(path, np.zeros(40), ticks=15360)
+    assert "frames a second; convert it" in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:1,\nfile://{0}\n#EXT-X-ENDLIST\n"),
+        ("a.mp4", "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:1,\nfile://{0}\n#EXT-X-ENDLIST\n"),
+        ("a.ffconcat", "ffconcat version 1.0\nfile secret.mp4\n"),
+        ("a.mpd", '<?xml version="1.0"?><MPD><Period><AdaptationSet><Representation>'
+                  "<BaseURL>{0}</BaseURL></Representation></AdaptationSet></Period></MPD>"),
+    ],
+)  # fmt: skip
+def test_a_file_that_names_others_is_not_opened(tmp_path, name, content):
+    secret = write_video(tmp_path / "secret.mp4")
+    (tmp_path / name).write_text(content.format(secret))
+    with pytest.raises(ValueError, match=r"a playlist or another file without a video|readable"):
+        open_video(tmp_path / name)
+    assert refused(tmp_path / name) == "expected a video, got text"
+
+
+def test_a_name_that_looks_like_a_protocol(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_video(Path("a.mp4"))
+    write_video(Path("b.mp4")).rename("concat:a.mp4|a.mp4")
+    assert check_video(Path("concat:a.mp4|a.mp4")).frame_count == 10
+
+
+@pytest.fixture(autouse=True)
+def ordinary_priority():
+    """SVT-AV1's encoder, run by root, leaves the process with real-time priority: it and its
+    children would keep the tests beside it from the processor."""
+    yield
+    if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) != os.SCHED_OTHER:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def left_levels(path):
+    return [float(p[:, : p.shape[1] // 4].mean()) for _, p in read_gray(path)]
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [
+        ("a.mp4", "libx264"),
+        ("a.mov", "libx264"),
+        ("a.mkv", "libx264"),
+        ("a.mp4", "libx265"),
+        ("a.mp4", "libsvtav1"),
+        ("a.webm", "libvpx-vp9"),
+        ("a.webm", "libvpx"),
+        ("a.avi", "mpeg4"),
+    ],
+)
+def test_every_compression_is_read_back(tmp_path, name, codec):
+    path = write_video(tmp_path / name, codec, audio="libopus" if codec == "libvpx-vp9" else None)
+    info = check_video(path)
+    assert (info.size, info.frame_count) == ((96, 64), 10)
+    assert info.fps == pytest.approx(FPS, abs=0.01)
+    assert np.allclose(left_levels(path), [level(n) for n in range(10)], atol=6)
+
+
+@pytest.mark.parametrize("audio", ["aac", "libmp3lame"])
+def test_sound_beside_the_pictures_changes_nothing(tmp_path, audio):
+    path = write_video(tmp_path / "a.mp4", audio=audio)
+    assert check_video(path).frame_count == 10
+    assert len(left_levels(path)) == 10
+
+
+def test_odd_sizes_stay(tmp_path):
+    path = write_video(tmp_path / "a.webm", "libvpx-vp9", size=(97, 65))
+    assert check_video(path).size == (97, 65)
+    assert next(read_gray(path))[1].shape == (65, 97)
+
+
+def test_a_sideways_picture_is_turned_upright(tmp_path):
+    path = write_video(tmp_path / "a.mp4")
+    turn(path)
+    assert probe(path).size == (64, 96)
+    upright = next(read_gray(path))[1]
+    assert upright.shape == (96, 64)
+    assert abs(upright[:40].mean() - upright[56:].mean()) > 30  # the halves are above each other
+
+
+def test_frames_before_an_edit_list_do_not_count(tmp_path):
+    """As phones trim a video: its header counts frames that are not shown."""
+    path = write_video(tmp_path / "a.mp4", first_pts=-4, options={"use_editlist": "1"})
+    shown = len(left_levels(path))
+    assert 3 <= shown < 10
+    assert check_video(path).frame_count == shown
+
+
+ONE = 1 << 16
+ORIENTATIONS = {  # display matrix a, b, c, d; what it does to an array
+    (1, 0, 0, 1): lambda p: p,
+    (0, 1, -1, 0): lambda p: np.rot90(p, -1),
+    (-1, 0, 0, -1): lambda p: np.rot90(p, 2),
+    (0, -1, 1, 0): lambda p: np.rot90(p, 1),
+    (-1, 0, 0, 1): np.fliplr,
+    (1, 0, 0, -1): np.flipud,
+    (0, 1, 1, 0): lambda p: p.T,
+    (0, -1, -1, 0): lambda p: np.rot90(p.T, 2),
+}
+
+
+def matrix(a: int, b: int, c: int, d: int) -> list[int]:
+    return [a * ONE, b * ONE, 0, c * ONE, d * ONE, 0, 0, 0, 1 << 30]
+
+
+@pytest.mark.parametrize("linear", ORIENTATIONS)
+def test_all_eight_orientations(tmp_path: Path, linear: tuple[int, int, int, int]) -> None:
+    path = write_video(tmp_path / "a.mp4", count=3, matrix=matrix(*linear))
+    stored = np.zeros((64, 96))
+    stored[:, :48] = 40
+    stored[:16, :48] = 0  # the corner tells which way is up
+    expected = ORIENTATIONS[linear](stored)
+    info = probe(path)
+    assert info.size == expected.shape[::-1]
+    for picture in (
+        next(read_gray(path))[1],
+        next(all_frames(path)).gray(200),
+        next(read_rgb(path))[1][..., 1],
+    ):
+        assert picture.shape == expected.shape
+        where = expected == expected.max()
+        assert picture[where].mean() > 30 + picture[~where].mean()
+    assert info.display.mirrored == (linear[0] * linear[3] - linear[1] * linear[2] < 0)
+
+
+def test_points_go_where_their_pixels_go() -> None:
+    for linear in ORIENTATIONS:
+        display = PictureDisplay((96, 64), 1.0, axes_of(np.reshape(matrix(*linear), (3, 3))))
+        picture = np.zeros((64, 96), np.uint8)
+        picture[5, 70] = 255
+        y, x = np.argwhere(display.shown(picture))[0]
+        assert display.shown_points(np.array([70.0, 5.0])) == pytest.approx([x, y])
+    wide = PictureDisplay((96, 64), 2.0)
+    assert wide.size == (192, 64)
+    assert wide.shown_points(np.array([[47.5, 31.5], [0.0, 0.0]])) == pytest.approx(
+        np.array([[95.5, 31.5], [0.5, 0.0]])
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [("a.mp4", "libx264"), ("a.mkv", "libx264"), ("a.mpg", "mpeg2video"), ("a.ts", "mpeg2video"),
+     ("a.avi", "mpeg4"), ("a.mov", "mpeg4")],
+)  # fmt: skip
+@pytest.mark.parametrize("turned", [False, True])
+def test_pixels_that_are_not_square(tmp_path: Path, name: str, codec: str, turned: bool) -> None:
+    if turned and Path(name).suffix not in (".mp4", ".mov"):
+        pytest.skip("the container has no display matrix")
+    along = matrix(0, 1, -1, 0) if turned else None
+    path = write_video(tmp_path / name, codec, size=(96, 72), aspect=Fraction(4, 3), matrix=along)
+    size = (72, 128) if turned else (128, 72)
+    assert probe(path).size == size
+    assert next(read_rgb(path))[1].shape == (*size[::-1], 3)
+    assert next(read_gray(path, scale=0.5))[1].shape == (size[1] // 2, size[0] // 2)
+    assert next(all_frames(path)).gray(64).shape == (size[1] // 2, size[0] // 2)
+
+
+@pytest.mark.parametrize("aspect", [Fraction(640, 639), Fraction(1, 1000), Fraction(1000, 1)])
+def test_a_rounded_aspect_ratio_and_nonsense_are_square(tmp_path: Path, aspect: Fraction) -> None:
+    assert probe(write_video(tmp_path / "a.mp4", aspect=aspect)).size == (96, 64)
+
+
+def test_a_damaged_matrix_and_pictures_of_another_size() -> None:
+    assert axes_of(np.zeros((3, 3), int)) == ((1, 0), (0, 1))
+    frame = av.VideoFrame.from_ndarray(np.zeros((64, 96, 3), np.uint8), format="rgb24")
+    display = display_of(frame, None)
+    assert display == PictureDisplay((96, 64))
+    from imocap_core.io.video import ShownFrame
+
+    half = av.VideoFrame.from_ndarray(np.zeros((32, 48, 3), np.uint8), format="rgb24")
+    assert ShownFrame(half, display).rgb().shape == (64, 96, 3)  # the stream changed its size

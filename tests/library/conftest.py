@@ -1,7 +1,5 @@
 """A small action on disk, and its run: two videos of 24 frames, every stage at its quickest."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

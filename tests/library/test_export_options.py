@@ -1,7 +1,5 @@
 """Export options on a run: which videos, whose mean, from where, as what character."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

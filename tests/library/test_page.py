@@ -1,13 +1,15 @@
 """`import imocap`: one page of names, each documented; importing changes nothing."""
 
-from __future__ import annotations
-
 import inspect
+import os
 import subprocess
 import sys
-from importlib import metadata
+from pathlib import Path
+
+import pytest
 
 import imocap
+from tests.library.conftest import SmallRun
 
 
 def test_at_most_sixty_names() -> None:
@@ -38,10 +40,6 @@ def test_public_members_are_documented() -> None:
             member = inspect.getattr_static(kind, name)
             if not name.startswith("_") and (callable(member) or isinstance(member, property)):
                 assert inspect.getdoc(member), f"{kind.__name__}.{name}"
-
-
-def test_the_version_is_the_package_s() -> None:
-    assert imocap.__version__ == metadata.version("imocap")
 
 
 def test_importing_changes_no_setting_and_loads_nothing_heavy() -> None:
@@ -79,3 +77,42 @@ print(calls)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "mallopt" not in done.stdout
+
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOK = ROOT / "examples" / "ten_things.ipynb"
+
+
+def test_it_holds_no_outputs() -> None:
+    nbformat = pytest.importorskip("nbformat", reason="the extra dev is not installed")
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert len([c for c in notebook.cells if c.source.startswith("## ")]) == 10
+    assert all(cell.outputs == [] and cell.execution_count is None for cell in cells)
+    assert NOTEBOOK.stat().st_size < 30_000
+
+
+@pytest.mark.filterwarnings("ignore")  # of Jupyter's own event loops
+@pytest.mark.long
+def test_it_runs(small_run: SmallRun) -> None:
+    nbformat = pytest.importorskip("nbformat", reason="the extra dev is not installed")
+    nbclient = pytest.importorskip("nbclient", reason="the extra dev is not installed")
+    pytest.importorskip("ipykernel", reason="the extra dev is not installed")
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    client = nbclient.NotebookClient(
+        notebook, timeout=300, resources={"metadata": {"path": str(small_run.root)}}
+    )
+    paths = [str(ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    client.execute(
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(paths),
+            "IMOCAP_ROOT": str(small_run.root),
+            "IMOCAP_ACTION": "serve",
+        }
+    )
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    pictures = [o for cell in cells for o in cell.outputs if "image/png" in o.get("data", {})]
+    assert len(pictures) == 6
+    errors = [o for cell in cells for o in cell.outputs if o.get("name") == "stderr"]
+    assert errors == []

@@ -1,7 +1,5 @@
 """`imocap push` and `pull`: an action goes to another machine whole, and to nowhere else."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import zipfile
@@ -144,6 +142,7 @@ def test_files_outside_the_folder_are_taken_along(
     assert imocap.push("toy", store=store, root=toy.root).new_files == []
 
 
+@pytest.mark.long
 def test_a_pulled_action_runs_to_the_same_digests(
     toy: Toy,  # noqa: F811
     store: str,

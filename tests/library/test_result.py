@@ -1,7 +1,8 @@
 """A result as values: shapes, frames and identities between them."""
 
-from __future__ import annotations
-
+import csv
+import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,11 @@ import torch
 
 import imocap
 from imocap_core.artifacts.schemas import Hands, Uncertainty, VideoHands, VideoUncertainty
+from imocap_core.biomechanics.joint_angles import angle_names
 from imocap_core.body import load_free_body
+from imocap_core.camera.gravity import Z_UP_FROM_Y_UP as Q
+from imocap_core.cli import main
+from tests.library.conftest import SmallRun
 from tests.pipeline.made_result import (
     FPS,
     LENGTHS,
@@ -68,7 +73,6 @@ def test_it_is_a_collection_of_videos(result: imocap.Result) -> None:
 
 
 def test_a_result_has_a_verdict(result: imocap.Result) -> None:
-    assert result.verdict is not None
     assert result.verdict.summary[0].startswith("a and b are matched")
     assert str(result.verdict).splitlines() == list(result.verdict.summary)
     assert result.levelled("y").verdict == result.verdict
@@ -208,7 +212,6 @@ def test_hands_give_52_joints(made: Made) -> None:
     assert video.poses.shape == (LENGTHS["b"], 156)
     assert len(video.joint_names) == 52
     np.testing.assert_allclose(video.joints[:, :22], bare.joints[:, :22], atol=1e-6)
-    assert video.hands is not None
     np.testing.assert_allclose(video.hands.points[:, :, 3], bare.joints[:, 20:22], atol=1e-9)
     assert made.result().on_common_time()["b"].joints.shape == (34, 52, 3)
 
@@ -261,3 +264,126 @@ def test_without_a_common_axis_it_is_said(made: Made) -> None:
     assert result.at_phase(0.1) == {}
     with pytest.raises(imocap.WorkFailed, match="walk has no common time axis"):
         result.on_common_time()
+
+
+def test_motions_and_cameras_are_those_of_the_y_up_world_turned_by_a_quarter(
+    small_run: SmallRun,
+) -> None:
+    y, z = (small_run.result.levelled(up) for up in "yz")
+    for a, b in zip(y, z, strict=True):
+        np.testing.assert_allclose(b.joints, a.joints @ Q.T, atol=1e-9)
+        np.testing.assert_allclose(b.rotations[:, 0], Q @ a.rotations[:, 0], atol=1e-9)
+        np.testing.assert_allclose(b.rotations[:, 1:], a.rotations[:, 1:], atol=1e-9)
+        np.testing.assert_allclose(b.vertices(np.array([3])), a.vertices(np.array([3])) @ Q.T)
+        np.testing.assert_allclose(b.camera.centre, Q @ a.camera.centre, atol=1e-9)
+        np.testing.assert_allclose(b.camera.R, a.camera.R @ Q.T, atol=1e-9)
+
+
+def test_levelling_again_changes_nothing(small_run: SmallRun) -> None:
+    once, back = small_run.result.levelled("y"), small_run.result.levelled("z").levelled("y")
+    for a, b in zip(once, back, strict=True):
+        np.testing.assert_allclose(b.joints, a.joints, atol=1e-9)
+    common = small_run.result.on_common_time().levelled("y")
+    for a, b in zip(once.on_common_time(), common, strict=True):
+        np.testing.assert_allclose(b.camera.centre, a.camera.centre, atol=1e-9)
+        np.testing.assert_allclose(b.trans, a.trans, atol=1e-9)
+
+
+@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
+def test_a_result_has_its_ground(small_run: SmallRun, up: str, axis: int) -> None:
+    result, level = small_run.result, small_run.result.levelled(up)
+    np.testing.assert_allclose(np.linalg.norm(result.ground.up), 1.0)
+    assert 0.3 < result.ground.tilt_sd_deg < 10
+    assert result.ground.height_sd_mm >= 10
+    np.testing.assert_allclose(level.ground.up, np.eye(3)[axis], atol=1e-9)
+    np.testing.assert_allclose(level.ground.origin, 0, atol=1e-9)
+    for before, after in zip(result, level, strict=True):
+        height = result.ground.height_m(before.joints)
+        np.testing.assert_allclose(after.joints[..., axis], height, atol=1e-9)
+
+
+def test_files_of_both_are_one_world(small_run: SmallRun, tmp_path: Path) -> None:
+    y, z = (
+        {f.name: f for f in small_run.result.export("npz", tmp_path / up, up=up)} for up in "yz"
+    )
+    for name in ("v1.npz", "v2.npz"):
+        with np.load(y[name]) as a, np.load(z[name]) as b:
+            np.testing.assert_allclose(b["joints"], a["joints"] @ Q.T, atol=1e-6)
+            np.testing.assert_allclose(b["R"], a["R"] @ Q.T, atol=1e-6)
+            np.testing.assert_allclose(b["t"], a["t"], atol=1e-6)
+    bvh = [small_run.result.export("bvh", tmp_path / f"bvh_{up}", up=up)[0] for up in "yz"]
+    a, b = (_root_path(file) for file in bvh)
+    np.testing.assert_allclose(b, a @ Q.T, atol=1e-5)
+
+
+def test_a_glb_of_the_z_up_world_is_that_of_the_y_up_world(
+    small_run: SmallRun, tmp_path: Path
+) -> None:
+    glb = [small_run.result.levelled(up).export("glb", tmp_path / up)[0] for up in "yz"]
+    a, b = (_binary_chunk(file) for file in glb)
+    np.testing.assert_allclose(b, a, atol=1e-5)
+
+
+def _root_path(bvh: Path) -> np.ndarray:
+    """(T, 3) positions of the root in a BVH file."""
+    motion = bvh.read_text().split("Frame Time:")[1].splitlines()[1:]
+    return np.array([[float(x) for x in line.split()[:3]] for line in motion if line.strip()])
+
+
+def _binary_chunk(glb: Path) -> np.ndarray:
+    """The numbers of a GLB file, all that are of single precision."""
+    content = glb.read_bytes()
+    (length,) = struct.unpack_from("<I", content, 12)
+    gltf = json.loads(content[20 : 20 + length])
+    data = content[28 + length :]
+    parts = []
+    for accessor in gltf["accessors"]:
+        if accessor["componentType"] == 5126:
+            view = gltf["bufferViews"][accessor["bufferView"]]
+            size = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}.get(accessor["type"], 2)
+            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+            parts.append(np.frombuffer(data, "<f4", size * accessor["count"], start))
+    return np.concatenate(parts)
+
+
+def rows(file: Path) -> list[dict[str, str]]:
+    with file.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_tables_of_every_video_and_their_mean(small_run: SmallRun, tmp_path: Path) -> None:
+    written = imocap.angles("serve", tmp_path, root=small_run.root)
+    names = [file.name for file in written.files]
+    assert names == [
+        *("v1_angles.csv", "v1_events.csv", "v2_angles.csv", "v2_events.csv"),
+        *("mean_angles.csv", "mean_events.csv", "angles.png", "export_angles.json"),
+    ]
+    table = rows(tmp_path / "v1_angles.csv")
+    assert len(table) == len(small_run.result["v1"])
+    assert {f"{name}_deg" for name in angle_names()} < set(table[0])
+    assert all(-180 <= float(row["left_knee_flexion_deg"]) <= 180 for row in table)
+    assert all(float(row["left_knee_flexion_sd_deg"]) > 0 for row in table)
+    mean = rows(tmp_path / "mean_angles.csv")
+    assert max(int(row["performances"]) for row in mean) == 2
+    assert json.loads((tmp_path / "export_angles.json").read_text())["run"]["seed"] == 7
+
+
+def test_events_are_those_of_the_result(small_run: SmallRun, tmp_path: Path) -> None:
+    imocap.angles("serve", tmp_path, root=small_run.root)
+    for video, events in small_run.result.events().items():
+        table = rows(tmp_path / f"{video}_events.csv")
+        assert [(row["kind"], row["name"]) for row in table] == [(e.kind, e.name) for e in events]
+        times = [float(row["time_s"]) for row in table]
+        assert times == sorted(times)
+        assert all(0 <= e.index <= len(small_run.result[video]) - 1 for e in events)
+
+
+def test_the_command_replaces_its_files_and_no_others(
+    small_run: SmallRun, tmp_path: Path, monkeypatch
+) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    words = ["angles", "serve", "--out", str(tmp_path), "--root", str(small_run.root)]
+    assert main(words) == main(words) == 0
+    (tmp_path / "v1_angles.csv").write_text("mine")
+    assert main(words) == 1
+    assert (tmp_path / "v1_angles.csv").read_text() == "mine"

@@ -1,19 +1,27 @@
 """run, load and what they say: the same sentences as the command line's, as exceptions."""
 
-from __future__ import annotations
-
+import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import imocap
 from imocap_core.cli import main
+from imocap_core.cli.options import plain
+from imocap_core.errors import WrongUse
+from imocap_core.library import watching
 from imocap_core.library.api_errors import one_off
+from imocap_core.library.run_document import run_document
+from imocap_core.library.running import run_action
+from imocap_core.pipeline.action import read_action
 from tests.io.made_videos import write_video
 from tests.library.conftest import SmallRun
 
@@ -37,6 +45,7 @@ print(*result.ids, end.state)
 """
 
 
+@pytest.mark.long
 def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_path: Path) -> None:
     """As a file, from the standard input and as an argument, all at once."""
     (tmp_path / "script.py").write_text(SCRIPT)
@@ -215,3 +224,111 @@ def test_a_film_of_a_result(small_run: SmallRun, tmp_path: Path) -> None:
     )
     assert [file.name for file in files] == ["side_by_side.mp4"]
     assert done[-1][:2] == ("side_by_side.mp4", 1.0)
+
+
+@pytest.fixture(scope="module")
+def document(small_run: SmallRun) -> dict[str, Any]:
+    done = run_action("serve", root=small_run.root)
+    text = json.dumps(plain(run_document(done)), allow_nan=False)
+    return dict(json.loads(text))
+
+
+def test_the_stages_are_those_of_the_run(document: dict[str, Any]) -> None:
+    assert document["stages"][0]["stage"] == "keypoints"
+    assert {row["how"] for row in document["stages"]} == {"cached"}
+
+
+def test_its_verdict_is_the_result_s(document: dict[str, Any], small_run: SmallRun) -> None:
+    verdict = small_run.result.verdict
+    assert document["trusted"] is verdict.trusted
+    assert document["level"] == verdict.level
+    assert document["summary"] == list(verdict.summary)
+    sentences = [f.sentence for f in verdict.findings]
+    assert set(document["warnings"]) <= set(sentences)
+    assert [f["sentence"] for f in document["verdict"]["findings"]] == sentences
+    assert all(f.sentence in document["warnings"] for f in verdict.findings if f.serious)
+
+
+def test_its_correspondences_are_the_result_s(
+    document: dict[str, Any], small_run: SmallRun
+) -> None:
+    rows = {row["video"]: row for row in document["sync"]["videos"]}
+    assert tuple(rows) == small_run.result.ids
+    assert document["sync"]["reference"] == small_run.result.reference
+    assert [name for name, row in rows.items() if row["reference"]] == [small_run.result.reference]
+    assert [name for name, row in rows.items() if row["excluded"]] == document["excluded"]
+    assert all(0 <= row["matched"] <= 1 and row["frames"] == 24 for row in rows.values())
+
+
+def test_its_cameras_are_the_result_s(document: dict[str, Any], small_run: SmallRun) -> None:
+    for camera in document["cameras"]:
+        expected = small_run.result.cameras[camera["video"]]
+        np.testing.assert_allclose(camera["R"], expected.R)
+        np.testing.assert_allclose(camera["t"], expected.t)
+        assert np.shape(camera["K"]) == (3, 3)
+
+
+def test_an_early_end_leaves_out_what_was_not_reached(small_run: SmallRun) -> None:
+    early = run_document(run_action("serve", root=small_run.root, until="sync"))
+    assert early["trusted"] is None
+    assert early["cameras"] is None
+    assert early["sync"]["reference"] in small_run.result.ids
+
+
+def test_a_file_that_grows_is_waited_for(tmp_path: Path) -> None:
+    sizes, waits = [1, 2, 3], 0
+
+    def wait(seconds: float) -> None:
+        nonlocal waits
+        waits += 1
+        if sizes:
+            (tmp_path / "a.mp4").write_bytes(b"x" * sizes.pop(0))
+
+    list(islice(watching.settled_changes(tmp_path, wait), 1))
+    assert waits == 4  # three sizes, and once more the last
+    assert (tmp_path / "a.mp4").stat().st_size == 3
+
+
+def test_an_action_takes_new_clips_and_keeps_what_it_has(tmp_path: Path) -> None:
+    clips = tmp_path / "clips"
+    (clips / "more").mkdir(parents=True)
+    with pytest.raises(WrongUse, match="expected videos in the folder, got none"):
+        watching.bring_up_to_date(tmp_path, clips, "serve")
+    for name in ("a.mp4", "b.mp4"):
+        write_video(clips / name)
+    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == ["a", "b"]
+    file = tmp_path / "actions" / "serve" / "action.yaml"
+    file.write_text(file.read_text() + "event: true  # one performance\n")
+    write_video(clips / "more" / "A.mp4")
+    write_video(clips / "\u6df1\u8e72.mp4")
+    (clips / "b.mp4").unlink()
+    update = watching.bring_up_to_date(tmp_path, clips, "serve")
+    assert (update.new, update.gone) == (["v1", "v2"], ["b"])
+    assert [v.id for v in read_action(file.parent).videos] == ["a", "v1", "v2"]
+    assert "event: true  # one performance" in file.read_text()
+    assert watching.bring_up_to_date(tmp_path, clips, None).action == "clips"
+    write_video(clips / "c.mp4")
+    assert watching.bring_up_to_date(tmp_path, clips, None).new == ["c"]  # watched again
+    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == ["c"]
+    unchanged = file.read_bytes()
+    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == []
+    assert file.read_bytes() == unchanged
+
+
+def test_a_change_is_compared_with_the_last_result(small_run: SmallRun, tmp_path: Path) -> None:
+    result = small_run.result
+    update = watching.Update("serve", ["v2"], [])
+    sentence = watching.compared(update, result, result)
+    assert sentence.startswith("2 videos (+v2); the motion of the others moved by 0 mm")
+    assert watching.moved_mm(None, result) is None
+    (tmp_path / "artifacts" / "serve").mkdir(parents=True)
+    for _ in range(2):
+        file = watching.record(tmp_path, update, result, result)
+    rows = file.read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 4
+    assert rows[2] == rows[3]
+    assert rows[2].startswith("| 2 | v2 |  | 0 | ")
+    error = watching.expected_error_mm(result)
+    assert error is not None
+    assert np.isfinite(error)
+    shutil.rmtree(tmp_path / "artifacts")

@@ -1,7 +1,5 @@
 """Position errors against cases worked by hand, and the invariances that each one claims."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,6 +7,9 @@ from scipy.spatial.transform import Rotation
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.metrics.position import (
     acceleration_error_m_s2,
+    hand_mpjpe_mm,
+    hand_mpjpe_scaled_mm,
+    hand_pa_mpjpe_mm,
     hip_midpoint,
     joint_errors_mm,
     mean_joint_errors_mm,
@@ -133,3 +134,40 @@ def test_misuse_is_named(motion: np.ndarray) -> None:
         joint_errors_mm(motion, motion[:, :5])
     with pytest.raises(ValueError, match="frames must be"):
         acceleration_error_m_s2(motion, motion, np.arange(5), 30)
+
+
+HANDS = np.random.default_rng(0).normal(0.0, 0.05, (5, 2, 21, 3))
+
+
+def test_where_the_wrist_is_does_not_count() -> None:
+    moved = HANDS + np.random.default_rng(1).normal(size=(5, 2, 1, 3))
+    assert hand_mpjpe_mm(moved, HANDS) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_one_finger_off_counts_by_its_share() -> None:
+    bent = HANDS.copy()
+    bent[:, 0, 8] += (0.0, 0.042, 0.0)
+    assert hand_mpjpe_mm(bent, HANDS) == pytest.approx(1.0)  # 42 mm of one point of 42
+
+
+def test_turn_and_size_are_taken_out_by_procrustes_alone() -> None:
+    turned = 1.3 * HANDS @ Rotation.from_rotvec([0.3, 0.2, -0.5]).as_matrix().T
+    assert hand_pa_mpjpe_mm(turned, HANDS) == pytest.approx(0.0, abs=1e-6)
+    assert hand_mpjpe_mm(turned, HANDS) > 10.0
+
+
+def test_size_alone_is_taken_out_by_scaling() -> None:
+    assert hand_mpjpe_scaled_mm(1.2 * HANDS, HANDS) == pytest.approx(0.0, abs=1e-9)
+    assert hand_mpjpe_mm(1.2 * HANDS, HANDS) > 5.0
+
+
+def test_frames_without_a_hand_are_left_out() -> None:
+    some = HANDS.copy()
+    some[2:, 1] = np.nan
+    assert hand_mpjpe_mm(some, HANDS) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.usefixtures("unchecked_shapes")
+def test_other_shapes_are_named() -> None:
+    with pytest.raises(ValueError, match=r"expected \(T, 2, 21, 3\), got \(5, 21, 3\)"):
+        hand_mpjpe_mm(HANDS[:, 0], HANDS[:, 0])

@@ -1,7 +1,5 @@
 """Synchronisation errors on maps that can be worked by hand."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

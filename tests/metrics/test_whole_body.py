@@ -1,13 +1,24 @@
 """Joints that are not aligned on, and vertices: by head, and the claimed invariances."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.metrics.position import joint_errors_mm, mean_over_frames
-from imocap_core.metrics.whole_body import aligned_joint_errors_mm, pa_pve_mm, vertex_distances_mm
+from imocap_core.metrics.whole_body import (
+    aligned_joint_errors_mm,
+    closed_part,
+    edges_of,
+    joint_rotation_errors_deg,
+    mpjae_deg,
+    pa_pve_mm,
+    rotation_errors_deg,
+    segment_rotations,
+    stretched_edge_shares,
+    vertex_distances_mm,
+    volumes_m3,
+)
 
 ANCHORS = [0, 1, 2, 3]
 
@@ -86,3 +97,126 @@ def test_vertex_distances_are_joint_errors_about_the_roots(
 
 def _pve_mm(*surfaces_and_roots: np.ndarray) -> float:
     return mean_over_frames(vertex_distances_mm(*surfaces_and_roots))
+
+
+def _random(seed: int, *shape: int) -> np.ndarray:
+    count = int(np.prod(shape))
+    matrices = Rotation.random(count, rng=np.random.default_rng(seed)).as_matrix()
+    return np.asarray(matrices.reshape(*shape, 3, 3))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-5, 30.0, 90.0, 179.9, 180.0])
+def test_a_turn_about_one_axis_is_its_angle(angle: float) -> None:
+    turned = Rotation.from_euler("y", angle, degrees=True).as_matrix()
+    assert rotation_errors_deg(turned, np.eye(3)) == pytest.approx(angle, rel=1e-6, abs=1e-6)
+
+
+def test_means_by_hand() -> None:
+    # Joint 0: 10 and 30 degrees; joint 1: 0 and 20.
+    angles = np.array([[10.0, 0.0], [30.0, 20.0]])
+    predicted = Rotation.from_euler("x", angles.reshape(-1, 1), degrees=True).as_matrix()
+    true = np.tile(np.eye(3), (2, 2, 1, 1))
+    np.testing.assert_allclose(
+        joint_rotation_errors_deg(predicted.reshape(2, 2, 3, 3), true), [20.0, 10.0]
+    )
+    assert mpjae_deg(predicted.reshape(2, 2, 3, 3), true) == pytest.approx(15.0)
+
+
+def test_invariant_to_a_common_rotation_on_either_side() -> None:
+    predicted, true, turn = _random(1, 4, 3), _random(2, 4, 3), _random(3, 4, 3)
+    error = mpjae_deg(predicted, true)
+    assert mpjae_deg(turn @ predicted, turn @ true) == pytest.approx(error)
+    assert mpjae_deg(predicted @ turn, true @ turn) == pytest.approx(error)
+    assert mpjae_deg(true, predicted) == pytest.approx(error)
+    assert mpjae_deg(turn @ predicted, true) != pytest.approx(error)
+
+
+def test_agrees_with_the_rotation_vector() -> None:
+    predicted, true = _random(4, 50), _random(5, 50)
+    relative = Rotation.from_matrix(np.swapaxes(true, -1, -2) @ predicted)
+    np.testing.assert_allclose(
+        rotation_errors_deg(predicted, true), np.degrees(relative.magnitude()), rtol=1e-6
+    )
+
+
+def test_segments_turn_with_every_joint_above_them() -> None:
+    R = _random(4, 3, 24)
+    segments = segment_rotations(R)
+    chain = [SMPL_JOINTS.index(name) for name in ("spine1", "spine2", "spine3")]
+    chest = R[:, 0] @ R[:, chain[0]] @ R[:, chain[1]] @ R[:, chain[2]]
+    np.testing.assert_allclose(segments["spine3"], chest)
+    np.testing.assert_array_equal(segments["pelvis"], R[:, 0])
+    neck, head = (SMPL_JOINTS.index(name) for name in ("neck", "head"))
+    np.testing.assert_allclose(segments["head"], chest @ R[:, neck] @ R[:, head])
+
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+_SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+FACES = np.array([t for a, b, c, d in _SQUARES for t in ((a, b, c), (a, c, d))])
+R = Rotation.from_euler("xyz", [20, -50, 110], degrees=True).as_matrix()
+
+
+def test_every_edge_counts_once() -> None:
+    assert edges_of(FACES).shape == (12 + 6, 2)  # edges and one diagonal a square
+
+
+def test_share_by_hand() -> None:
+    # Twice as high: 4 edges of height are 100 % longer, 4 upright diagonals 58 %, 10 others not.
+    high = CUBE * [1.0, 1.0, 2.0]
+    shares = stretched_edge_shares(np.stack([CUBE, high, 1.3 * CUBE]), CUBE, edges_of(FACES))
+    np.testing.assert_allclose(shares, [0.0, 8 / 18, 0.0])
+    shrunk = stretched_edge_shares(0.5 * CUBE[None], CUBE, edges_of(FACES))
+    np.testing.assert_allclose(shrunk, [1.0])
+
+
+def test_share_forgives_a_rigid_motion_and_a_common_scale() -> None:
+    bent = (CUBE * [1.0, 1.0, 2.0])[None]
+    edges = edges_of(FACES)
+    expected = stretched_edge_shares(bent, CUBE, edges)
+    moved = stretched_edge_shares(3 * (bent @ R.T) + 7, 3 * CUBE, edges)
+    np.testing.assert_allclose(moved, expected)
+
+
+def test_share_is_that_of_edge_by_edge() -> None:
+    moved = CUBE + np.random.default_rng(2).normal(scale=0.4, size=(6, 8, 3))
+    edges = edges_of(FACES)
+    at_rest = [np.linalg.norm(CUBE[a] - CUBE[b]) for a, b in edges]
+    for vertices, share in zip(moved, stretched_edge_shares(moved, CUBE, edges), strict=True):
+        lengths = [np.linalg.norm(vertices[a] - vertices[b]) for a, b in edges]
+        changes = [abs(now / rest - 1) for now, rest in zip(lengths, at_rest, strict=True)]
+        assert share == np.mean([change > 0.4 for change in changes])
+        assert 0 < share < 1
+
+
+def test_an_edge_without_length_is_left_out() -> None:
+    rest = CUBE.copy()
+    rest[1] = rest[0]
+    shares = stretched_edge_shares(CUBE[None], rest, np.array([[0, 1], [2, 3]]))
+    np.testing.assert_allclose(shares, [0.0])
+
+
+def test_volume_of_a_closed_cube() -> None:
+    faces, ends = closed_part(FACES, np.ones(8, dtype=bool))
+    assert len(faces) == 12
+    assert len(ends) == 0
+    volume = float(volumes_m3(2 * CUBE + 5, faces, ends))
+    assert abs(volume) == pytest.approx(8.0)
+
+
+def test_open_ends_are_closed_separately() -> None:
+    # A tube of square section, open at both ends (x = 0 and x = 1).
+    tube = FACES[4:]
+    faces, ends = closed_part(tube, np.ones(8, dtype=bool))
+    assert len(faces) == 8
+    assert sorted(np.bincount(ends[:, 2])) == [4, 4]
+    for end in (0, 1):  # each rim is a closed loop
+        rim = ends[ends[:, 2] == end]
+        assert sorted(rim[:, 0]) == sorted(rim[:, 1])
+    volume = volumes_m3(np.stack([CUBE, CUBE @ R.T - 3, CUBE * [2, 1, 1]]), faces, ends)
+    np.testing.assert_allclose(np.abs(volume), [1.0, 1.0, 2.0])
+
+
+def test_a_part_leaves_out_faces_that_are_not_wholly_in_it() -> None:
+    faces, ends = closed_part(FACES, CUBE[:, 2] < 0.5)
+    assert len(faces) == 2  # the square z = 0
+    assert len(ends) == 4

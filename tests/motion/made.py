@@ -13,6 +13,8 @@ from imocap_core.motion.state import Body, MotionState
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp
 
+TURNS_DEG = [0.0, 80.0, -70.0]  # of the views about the vertical
+FRAMES = 20
 FOCAL_PX = 600.0
 K = np.array([[FOCAL_PX, 0, 320], [0, FOCAL_PX, 180], [0, 0, 1.0]])
 FACING = torch.tensor([np.pi, 0.0, 0.0], dtype=torch.float64)  # upright, towards the camera

@@ -1,7 +1,5 @@
 """Laws of the descent that body and hands share, on problems small enough to know."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

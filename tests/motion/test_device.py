@@ -23,10 +23,10 @@ from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.workers import in_turn
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
-from tests.motion.test_solver import disturbed
-from tests.motion.test_terms import TERMS, body, state, with_rigid_offsets
+from tests.motion.test_gauss_newton import disturbed
+from tests.motion.test_terms import TERMS, state, with_rigid_offsets
 
-__all__ = ["body", "state"]  # fixtures
+__all__ = ["state"]  # a fixture
 
 MAKERS = [
     torch.tensor, torch.as_tensor, torch.from_numpy, torch.zeros, torch.ones, torch.eye,

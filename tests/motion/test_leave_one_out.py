@@ -18,15 +18,10 @@ from imocap_core.motion.multiview.leave_one_out import (
 )
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene
 from imocap_core.params import MotionParams
-from tests.motion.made import Made, scene
-from tests.motion.test_smpl_ba import FRAMES, TURNS_DEG, in_own_axes, whole
+from tests.motion.made import FRAMES, TURNS_DEG, Made
+from tests.motion.test_smpl_ba import in_own_axes, whole
 
 VIDEO = 1
-
-
-@pytest.fixture(scope="module")
-def made() -> Made:
-    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5))
 
 
 def solution(made: Made, plain: Scene) -> JointMotion:

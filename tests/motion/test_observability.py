@@ -22,8 +22,8 @@ from imocap_core.motion.observability import (
 )
 from imocap_core.motion.posterior_noise import Noise
 from imocap_core.params import UncertaintyParams
-from tests.motion.made import WEIGHTS, Made, result_at, scene, wide_prior
-from tests.motion.test_smpl_ba import FRAMES, OPTIONS, in_own_axes
+from tests.motion.made import FRAMES, WEIGHTS, Made, result_at, scene, wide_prior
+from tests.motion.test_smpl_ba import OPTIONS, in_own_axes
 
 NOISE = Noise(UncertaintyParams(correlation_s=0.1, pose_persistence_s=0.1))
 FPS = 30.0

@@ -15,25 +15,28 @@ from imocap_core.motion.multiview.per_video import (
     LEAST_SPREAD_M,
     CouplingTargets,
     deviation_terms,
+    facing_agreement,
     fit_deviations,
     foot_contact_term,
     pooled_spread_m,
     position_coupling,
     targets_of,
 )
-from imocap_core.motion.multiview.scene import DeviationSpread
+from imocap_core.motion.multiview.scene import DeviationSpread, Scene
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import FootContact
 from imocap_core.params import MotionParams
 from imocap_core.rotations import exp
-from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene
+from tests.motion.made import FRAMES, WEIGHTS, Made, mpjpe_mm, scene
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
 FULL = (30.0 / WEIGHTS.foot_hold_m_s) ** 2  # weight of a step between frames at 30 a second
 
 
 @pytest.fixture(scope="module")
-def made() -> Made:
+def twenty_frames() -> Made:
     return scene(20, [0.0, 80.0, -70.0], np.random.default_rng(5))
 
 
@@ -53,61 +56,62 @@ def speeds(*m_s: float) -> Tensor:
     return torch.tensor(m_s, dtype=torch.float64)
 
 
-def weight(made: Made, common_m_s: Tensor, own_m_s: Tensor) -> Tensor:
+def weight(twenty_frames: Made, common_m_s: Tensor, own_m_s: Tensor) -> Tensor:
     """(B,) how feet are held when the common motion and the own ones travel so fast."""
-    state = in_own_axes(made)
-    term = foot_contact_term(whole(made), moving(state, common_m_s), moving(state, own_m_s))
+    state = in_own_axes(twenty_frames)
+    term = foot_contact_term(
+        whole(twenty_frames), moving(state, common_m_s), moving(state, own_m_s)
+    )
     assert isinstance(term, FootContact)
     assert isinstance(term.weight, Tensor)
     assert term.scale == CONTACT_SCALE
     return term.weight.mean((1, 2))
 
 
-def test_feet_that_stand_in_both_are_held_in_full(made: Made) -> None:
-    found = weight(made, speeds(0.0, 0.0, 0.0), speeds(0.0, 0.0, 0.0))
+def test_feet_that_stand_in_both_are_held_in_full(twenty_frames: Made) -> None:
+    found = weight(twenty_frames, speeds(0.0, 0.0, 0.0), speeds(0.0, 0.0, 0.0))
     torch.testing.assert_close(found, torch.full_like(found, FULL))
 
 
-def test_feet_that_swing_in_the_common_motion_are_let_go(made: Made) -> None:
-    found = weight(made, speeds(0.0, 0.05, 1.0), speeds(0.0, 0.0, 0.0)) / FULL
+def test_feet_that_swing_in_the_common_motion_are_let_go(twenty_frames: Made) -> None:
+    found = weight(twenty_frames, speeds(0.0, 0.05, 1.0), speeds(0.0, 0.0, 0.0)) / FULL
     torch.testing.assert_close(found[1], found.new_tensor(0.25))  # the speed that counts a quarter
     assert float(found[2]) < 1e-4
 
 
-def test_a_video_whose_own_feet_swing_objects_for_itself_alone(made: Made) -> None:
-    found = weight(made, speeds(0.0, 0.0, 0.0), speeds(0.0, 2.0, 0.0)) / FULL
+def test_a_video_whose_own_feet_swing_objects_for_itself_alone(twenty_frames: Made) -> None:
+    found = weight(twenty_frames, speeds(0.0, 0.0, 0.0), speeds(0.0, 2.0, 0.0)) / FULL
     assert float(found[1]) < 1e-3
     torch.testing.assert_close(found[[0, 2]], torch.ones(2, dtype=torch.float64))
 
 
-def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
-    all_, true = whole(made), in_own_axes(made)
+def test_a_fit_goes_on_from_the_one_before_to_the_same_place(twenty_frames: Made) -> None:
+    all_, true = whole(twenty_frames), in_own_axes(twenty_frames)
     spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))
-    given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
+    given = (twenty_frames.state, twenty_frames.cameras(), spread, replace(OPTIONS, max_steps=12))
     cold, cost = fit_deviations(all_, true, *given)
     again, lower = fit_deviations(all_, cold, *given, afresh=False)
     assert lower <= cost
-    assert mpjpe_mm(made.body, again, cold) < 1.0
+    assert mpjpe_mm(twenty_frames.body, again, cold) < 1.0
     astray = disturbed(cold, 0.03)
     back, _ = fit_deviations(all_, astray, *given, afresh=False)
-    assert mpjpe_mm(made.body, astray, cold) > 10.0
-    assert mpjpe_mm(made.body, back, cold) < 2.0
+    assert mpjpe_mm(twenty_frames.body, astray, cold) > 10.0
+    assert mpjpe_mm(twenty_frames.body, back, cold) < 2.0
 
 
-def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
+def test_a_chain_deviates_no_further_than_its_keypoints_may(twenty_frames: Made) -> None:
     """With rotations coupled one by one a hand deviates twice as far as its keypoint may; with
     positions coupled, too, no further."""
-    all_, state = whole(made), in_own_axes(made)
+    all_, state = whole(twenty_frames), in_own_axes(twenty_frames)
     spread_m = 0.03
     spread = DeviationSpread(np.full((3, 20, 25), spread_m), initial_offset_sd(3, MotionParams()))
     options = replace(OPTIONS, correlation_s=0.0)
     faces = torch.ones_like(state.trans[..., 0])
-    targets = targets_of(all_, state, made.state, made.cameras())
-    terms = deviation_terms(all_, state, made.state, targets, spread, options, faces)
-    wrist = made.body.keypoints.names.index("left_wrist")
-    hip = made.body.keypoints.names.index("mid_hip")
-    derivatives = made.body.derivatives(made.body.keypoints, state).d_pose
-    assert derivatives is not None
+    targets = targets_of(all_, state, twenty_frames.state, twenty_frames.cameras())
+    terms = deviation_terms(all_, state, twenty_frames.state, targets, spread, options, faces)
+    wrist = twenty_frames.body.keypoints.names.index("left_wrist")
+    hip = twenty_frames.body.keypoints.names.index("mid_hip")
+    derivatives = twenty_frames.body.derivatives(twenty_frames.body.keypoints, state).d_pose
     jacobian = (derivatives[0, 5, wrist] - derivatives[0, 5, hip])[:, 3:]  # the root's turn apart
     deviates = []
     for some in (terms[:-1], terms):
@@ -119,17 +123,19 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
 
 
 def test_positions_of_limbs_are_coupled_however_the_body_is_turned(
-    made: Made,
+    twenty_frames: Made,
 ) -> None:
-    state, trust = in_own_axes(made), torch.ones(3, 20, dtype=torch.float64)
+    state, trust = in_own_axes(twenty_frames), torch.ones(3, 20, dtype=torch.float64)
     trust[:, 15:] = 0.0
-    names = made.body.keypoints.names
+    names = twenty_frames.body.keypoints.names
     targets = CouplingTargets(state.R_local, state.trans, trust)
-    term = position_coupling(made.body, targets, state, trust.new_full((3, 20, len(names)), 900.0))
+    term = position_coupling(
+        twenty_frames.body, targets, state, trust.new_full((3, 20, len(names)), 900.0)
+    )
     coupled = {name for name, weight in zip(names, term.weight[0, 0], strict=True) if weight > 0}
     assert coupled == COUPLED
     assert float(term.weight[:, 15:].max()) == 0.0
-    two_layouts = Body.of(made.body.model, "body25", "coco17")
+    two_layouts = Body.of(twenty_frames.body.model, "body25", "coco17")
     count = len(two_layouts.keypoints.names)
     both = position_coupling(two_layouts, targets, state, trust.new_full((3, 20, count), 900.0))
     torch.testing.assert_close(both.weight.sum(), term.weight.sum())
@@ -155,3 +161,77 @@ def test_medians_leave_out_what_is_not_known() -> None:
     values = np.where(rng.random((7, 4, 9)) < 0.4, np.nan, rng.random((7, 4, 9)))
     values[..., 0] = 0.5
     np.testing.assert_array_equal(finite_median(values), np.nanmedian(values, axis=-1))
+
+
+VIDEO = 1  # the one that turns, or whose fit went wrong
+
+
+def turned(state: MotionState, angle_rad: float, since: int = 0) -> MotionState:
+    """One video's root orientation turned about the body's vertical from a frame on."""
+    R_local = state.R_local.clone()
+    turn = exp(torch.tensor([0.0, angle_rad, 0.0]).double())
+    R_local[VIDEO, since:, 0] = R_local[VIDEO, since:, 0] @ turn
+    return replace(state, R_local=R_local)
+
+
+def filming(scene: Scene, state: MotionState) -> Scene:
+    """The same scene whose keypoints are those of other motions, in their cameras' axes."""
+    xyz = scene.body.positions(scene.body.keypoints, state).xyz.numpy()
+
+    def filmed(observation: Observation, x: np.ndarray) -> Observation:
+        K = observation.K
+        return replace(observation, xy_px=x[..., :2] / x[..., 2:] * K[0, 0] + K[:2, 2])
+
+    rows = zip(scene.observations, xyz, strict=True)
+    return replace(scene, observations=[filmed(o, x) for o, x in rows])
+
+
+def weights(scene: Scene, made: Made, state: MotionState) -> Tensor:
+    targets = targets_of(scene, state, made.state, made.cameras())
+    return facing_agreement(scene, state, targets)
+
+
+def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> None:
+    performed = turned(in_own_axes(made), 1.5, since=8)
+    alike = weights(filming(whole(made), performed), made, performed)
+    torch.testing.assert_close(alike[[0, 2]], torch.ones(2, FRAMES, dtype=torch.float64))
+    assert float(alike[VIDEO, :4].min()) > 0.99
+    assert float(alike[VIDEO, 14:].max()) < 0.25
+
+
+@pytest.mark.parametrize("angle_rad", [1.5, np.pi])
+def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(
+    made: Made, angle_rad: float
+) -> None:
+    wrong = turned(in_own_axes(made), angle_rad)
+    alike = weights(whole(made), made, wrong)
+    torch.testing.assert_close(alike, torch.ones_like(alike))
+
+
+@pytest.mark.parametrize("afresh", [False, True])
+def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
+    made: Made, afresh: bool
+) -> None:
+    true = in_own_axes(made)
+    spread = DeviationSpread(np.full((3, FRAMES, 25), 0.03), initial_offset_sd(3, MotionParams()))
+    given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
+    good, wrong = (
+        fit_deviations(whole(made), state, *given, afresh=afresh)[0]
+        for state in (true, turned(true, np.pi))
+    )
+    assert mpjpe_mm(made.body, wrong, good) < 2.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("turns_deg", [[0.0, 80.0, -70.0, 160.0], [0.0, 80.0]])
+def test_smpl_ba_from_one_reversed_view_ends_like_the_undisturbed_one(
+    turns_deg: list[float],
+) -> None:
+    made = scene(FRAMES, turns_deg, np.random.default_rng(5))
+    true = in_own_axes(made)
+    start = disturbed(true, 0.03)
+    good, wrong = (
+        recover_motion(whole(made), state, OPTIONS).state for state in (start, turned(start, np.pi))
+    )
+    error_mm = mpjpe_mm(made.body, good, true)
+    assert mpjpe_mm(made.body, wrong, true) < 1.05 * error_mm + 1.0

@@ -1,6 +1,8 @@
 """SMPL-BA on made scenes: cameras and motion come back, and differences are respected."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,19 +10,28 @@ import torch
 
 from imocap_core.camera.averaging import angle_deg
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.motion_posterior import motion_posterior
 from imocap_core.motion.multiview.common_motion import misfit, spread_beyond_noise_m
-from imocap_core.motion.multiview.low_rank import agreement, to_world
+from imocap_core.motion.multiview.low_rank import agreement, mean_shapes, to_world
 from imocap_core.motion.multiview.per_video import joint_spread_rad
-from imocap_core.motion.multiview.scene import Scene, align, cameras_from_motion
+from imocap_core.motion.multiview.scene import JointMotion, Scene, align, cameras_from_motion
 from imocap_core.motion.multiview.smpl_ba import common_then_deviations, recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
+from imocap_core.motion.posterior_noise import Noise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
-from imocap_core.params import MotionParams
+from imocap_core.params import MotionParams, UncertaintyParams
 from imocap_core.rotations import exp
-from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene, wide_prior
+from tests.motion.made import (
+    FOCAL_PX,
+    FRAMES,
+    WEIGHTS,
+    K,
+    Made,
+    mpjpe_mm,
+    scene,
+    wide_prior,
+)
 
-TURNS_DEG = [0.0, 80.0, -70.0]
-FRAMES = 20
 OPTIONS = MotionParams(
     objective="shared",
     rank=1,
@@ -31,11 +42,6 @@ OPTIONS = MotionParams(
     correlation_s=0.25,
     max_steps=6,
 )
-
-
-@pytest.fixture(scope="module")
-def made() -> Made:
-    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5))
 
 
 def in_own_axes(made: Made) -> MotionState:
@@ -68,6 +74,15 @@ def disturbed(state: MotionState, spread: float) -> MotionState:
     return state.retract(shift, torch.zeros_like(state.betas))
 
 
+@pytest.fixture(scope="module")
+def solved(made: Made) -> Callable[[str], JointMotion]:
+    """The scene solved from a disturbed start, by the objective."""
+    start = disturbed(in_own_axes(made), 0.12)
+    return cache(
+        lambda which: recover_motion(whole(made), start, replace(OPTIONS, objective=which))
+    )
+
+
 def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
     aligned = align(made.body, in_own_axes(made), whole(made).timeline)
     cameras = cameras_from_motion(aligned, whole(made).K, 0)
@@ -78,10 +93,11 @@ def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
 
 
 @pytest.mark.parametrize("objective", ["shared", "paper", "single"])
-def test_the_views_together_beat_the_start(made: Made, objective: str) -> None:
+def test_the_views_together_beat_the_start(
+    made: Made, solved: Callable[[str], JointMotion], objective: str
+) -> None:
     truth = in_own_axes(made)
-    start = disturbed(truth, 0.12)
-    found = recover_motion(whole(made), start, replace(OPTIONS, objective=objective))
+    start, found = disturbed(truth, 0.12), solved(objective)
     before, after = (mpjpe_mm(made.body, s, truth) for s in (start, found.state))
     assert 0.1 < after < 0.5 * before
     assert float(np.max(angle_deg(found.cameras.R.numpy(), made.R))) < 5.0
@@ -89,10 +105,11 @@ def test_the_views_together_beat_the_start(made: Made, objective: str) -> None:
 
 
 @pytest.mark.parametrize("objective", ["shared", "single"])
-def test_a_round_goes_on_where_the_one_before_stopped(made: Made, objective: str) -> None:
-    truth, scene = in_own_axes(made), whole(made)
+def test_a_round_goes_on_where_the_one_before_stopped(
+    made: Made, solved: Callable[[str], JointMotion], objective: str
+) -> None:
+    truth, scene, first = in_own_axes(made), whole(made), solved(objective)
     options = replace(OPTIONS, objective=objective)
-    first = recover_motion(scene, disturbed(truth, 0.12), options)
     said: list[str] = []
     again = recover_motion(scene, first.state, options, said.append, cameras=first.cameras)
     assert not any("coupled" in what or "10x" in what or "3x" in what for what in said)
@@ -101,9 +118,10 @@ def test_a_round_goes_on_where_the_one_before_stopped(made: Made, objective: str
     assert float(np.max(angle_deg(again.cameras.R.numpy(), first.cameras.R.numpy()))) < 1.0
 
 
-def test_a_round_afresh_passes_all_robust_scales_and_needs_no_coupled_fit(made: Made) -> None:
-    truth, scene = in_own_axes(made), whole(made)
-    first = recover_motion(scene, disturbed(truth, 0.12), OPTIONS)
+def test_a_round_afresh_passes_all_robust_scales_and_needs_no_coupled_fit(
+    made: Made, solved: Callable[[str], JointMotion]
+) -> None:
+    truth, scene, first = in_own_axes(made), whole(made), solved("shared")
     said: list[str] = []
     again = recover_motion(
         scene, first.state, OPTIONS, said.append, cameras=first.cameras, afresh=True
@@ -150,9 +168,10 @@ def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> No
     assert float((found_mm - true_mm).norm(dim=-1).quantile(0.9)) < 50
 
 
-def test_a_round_from_cameras_that_are_wrong_finds_them(made: Made) -> None:
-    truth, scene = in_own_axes(made), whole(made)
-    first = recover_motion(scene, disturbed(truth, 0.12), OPTIONS)
+def test_a_round_from_cameras_that_are_wrong_finds_them(
+    made: Made, solved: Callable[[str], JointMotion]
+) -> None:
+    scene, first = whole(made), solved("shared")
     turn = exp(torch.tensor([0.0, 0.1, 0.0], dtype=torch.float64))
     wrong = replace(first.cameras, R=torch.cat([first.cameras.R[:1], turn @ first.cameras.R[1:]]))
     again = recover_motion(scene, first.state, OPTIONS, cameras=wrong)
@@ -219,3 +238,98 @@ def test_a_still_performance_is_coupled_tightly(made: Made) -> None:
     loose = joint_spread_rad(made.body, made.state, np.full((3, FRAMES, 25), 0.1))
     assert (still <= loose).all()
     assert (loose[:, :, 18] > still[:, :, 18]).all()
+
+
+PERFORMERS = [0, 1, 0, 1]
+LIMBS = [(1, 4), (4, 7), (16, 18), (18, 20)]  # thigh, shank, upper arm, forearm
+
+
+@pytest.fixture(scope="module")
+def two_performers() -> Made:
+    """Four views, two of either performer, whose bodies differ."""
+    rng = np.random.default_rng(7)
+    two_performers = scene(FRAMES, [0.0, 80.0, -70.0, 170.0], rng)
+    shapes = torch.as_tensor(0.7 * rng.standard_normal((2, 10)))
+    own = in_own_axes(two_performers)
+    rest = two_performers.body.model.joints_template[0]
+    betas = shapes[PERFORMERS]
+    moved = own.trans + rest - two_performers.body.model.shape(betas).joints_rest[:, 0, None]
+    state = replace(own, betas=betas, trans=moved)
+    xyz = two_performers.body.positions(two_performers.body.keypoints, state).xyz.numpy()
+    observations = []
+    for x, observation, performer in zip(xyz, two_performers.observations, PERFORMERS, strict=True):
+        pixels = x[..., :2] / x[..., 2:] * FOCAL_PX + K[:2, 2]
+        noisy = pixels + rng.normal(0, 1.0, pixels.shape)
+        observations.append(replace(observation, xy_px=noisy, performer=performer))
+    return replace(two_performers, state=state, observations=observations)
+
+
+def proportions(two_performers: Made, betas: torch.Tensor) -> np.ndarray:
+    """Logarithms of the limbs' lengths, relative to each other (M, 4)."""
+    rest = two_performers.body.model.shape(betas).joints_rest
+    lengths = torch.stack([(rest[:, b] - rest[:, a]).norm(dim=-1) for a, b in LIMBS], dim=-1)
+    logarithm = lengths.log().numpy()
+    return np.asarray(logarithm - logarithm.mean(axis=1, keepdims=True))
+
+
+def start_of(two_performers: Made) -> MotionState:
+    return disturbed(replace(two_performers.state, betas=torch.zeros(4, 10).double()), 0.05)
+
+
+@pytest.fixture(scope="module")
+def declared(two_performers: Made) -> JointMotion:
+    return recover_motion(whole(two_performers), start_of(two_performers), OPTIONS)
+
+
+def test_each_performer_has_one_shape_of_their_own(
+    two_performers: Made, declared: JointMotion
+) -> None:
+    betas = declared.state.betas
+    assert torch.equal(betas[0], betas[2])
+    assert torch.equal(betas[1], betas[3])
+    difference, true = (
+        np.diff(proportions(two_performers, b[:2]), axis=0)[0]
+        for b in (betas, two_performers.state.betas)
+    )
+    assert np.abs(difference - true).mean() < 0.3 * np.abs(true).mean()
+
+
+def test_declared_performers_are_recovered_better_than_one_body(
+    two_performers: Made, declared: JointMotion
+) -> None:
+    one = replace(
+        two_performers, observations=[replace(o, performer=0) for o in two_performers.observations]
+    )
+    undeclared = recover_motion(whole(one), start_of(one), OPTIONS)
+    assert torch.equal(undeclared.state.betas[0], undeclared.state.betas[1])
+    errors = [
+        mpjpe_mm(two_performers.body, m.state, two_performers.state) for m in (declared, undeclared)
+    ]
+    assert errors[0] < 0.8 * errors[1]
+
+
+def test_the_order_of_performers_does_not_count(
+    two_performers: Made, declared: JointMotion
+) -> None:
+    others = [replace(o, performer=1 - o.performer) for o in two_performers.observations]
+    turned = recover_motion(
+        whole(replace(two_performers, observations=others)), start_of(two_performers), OPTIONS
+    )
+    assert mpjpe_mm(two_performers.body, turned.state, declared.state) < 3.0
+
+
+def test_every_performer_s_uncertainty_is_finite(
+    two_performers: Made, declared: JointMotion
+) -> None:
+    posterior = motion_posterior(
+        whole(two_performers), declared, OPTIONS, Noise(UncertaintyParams())
+    )
+    for covariance in posterior.covariances_m2:
+        assert np.isfinite(covariance).all()
+
+
+def test_mean_shapes_are_those_of_each_performer(two_performers: Made) -> None:
+    state = replace(two_performers.state, betas=torch.arange(40.0).reshape(4, 10).double())
+    means = mean_shapes(state, PERFORMERS)
+    torch.testing.assert_close(means[0], state.betas[[0, 2]].mean(0))
+    torch.testing.assert_close(means[1], state.betas[[1, 3]].mean(0))

@@ -8,7 +8,10 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
+from imocap_core.camera.gravity import FilmedBody
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.gauss_newton import linearise, objective
+from imocap_core.motion.monocular.fit import arms_above_support, balance_terms
 from imocap_core.motion.prior import mixture
 from imocap_core.motion.state import FRAME_UNKNOWNS, Body, MotionState
 from imocap_core.motion.terms import (
@@ -28,10 +31,19 @@ from imocap_core.motion.terms import (
     Term,
     View,
 )
+from imocap_core.motion.terms.body_priors import (
+    HINGES,
+    hidden_directions,
+    length_rates,
+    size_direction,
+)
 from imocap_core.motion.terms.contact import foot_contact_share
 from imocap_core.motion.terms.reprojection import whitened
 from imocap_core.motion.terms.view import project, with_rigid_offset
+from imocap_core.params import FitParams
 from imocap_core.rotations import exp
+from tests.camera.standing import standing
+from tests.motion.made import FACING, scene
 
 B, T, POINTS = 2, 5, 25
 
@@ -39,11 +51,6 @@ B, T, POINTS = 2, 5, 25
 def normal(*size: int, seed: int = 0, spread: float = 1.0) -> torch.Tensor:
     generator = torch.Generator().manual_seed(seed)
     return spread * torch.randn(*size, generator=generator, dtype=torch.float64)
-
-
-@pytest.fixture(scope="module")
-def body() -> Body:
-    return Body.of(load_free_body(), "body25")
 
 
 @pytest.fixture(scope="module")
@@ -266,3 +273,222 @@ def test_slow_feet_stand_and_fast_ones_swing(body: Body) -> None:
     assert float(share(still).min()) == 1.0
     assert float(share(walking).max()) < 0.01
     assert float(share(still + jitter).median()) > 0.5  # 0.4 m/s from frame to frame
+
+
+FPS = 30.0
+FRAMES = 24
+
+
+def moving_along(path: torch.Tensor, betas: torch.Tensor | None = None) -> MotionState:
+    """The rest pose along a path (T, 3)."""
+    eye = torch.eye(3, dtype=torch.float64).expand(1, len(path), 24, 3, 3)
+    shape = torch.zeros(1, 10, dtype=torch.float64) if betas is None else betas
+    return MotionState.of(eye, path[None], shape, torch.ones(1, len(path), dtype=torch.bool))
+
+
+def path_of(accelerations: torch.Tensor) -> torch.Tensor:
+    """(T, 3) metres, along x, with the given second differences."""
+    x = torch.zeros(FRAMES, 3, dtype=torch.float64)
+    x[2:, 0] = accelerations.cumsum(0).cumsum(0)
+    return x
+
+
+def test_uniform_motion_costs_nothing(body: Body) -> None:
+    steps = torch.arange(FRAMES, dtype=torch.float64)[:, None] * torch.tensor([0.1, 0.0, 0.2])
+    assert JointAcceleration(body, FPS, 1.0).cost(moving_along(steps)).item() < 1e-12
+
+
+def test_one_spell_costs_less_than_restlessness(body: Body) -> None:
+    """The same squared acceleration, once in three frames and once in all."""
+    spell, restless = torch.zeros(FRAMES - 2).double(), torch.ones(FRAMES - 2).double()
+    spell[9:12] = ((FRAMES - 2) / 3) ** 0.5
+    term = JointAcceleration(body, FPS, 1.0)
+    costs = [term.cost(moving_along(path_of(0.02 * a))).item() for a in (spell, restless)]
+    assert costs[0] < 0.6 * costs[1]
+
+
+def test_a_larger_body_that_accelerates_as_much_more_costs_the_same(body: Body) -> None:
+    betas = torch.zeros(1, 10, dtype=torch.float64)
+    betas[0, 0] = 1.5
+    rest = [body.model.shape(b).joints_rest[:, 1] for b in (torch.zeros(10).double(), betas[0])]
+    head, ankle = (body.joints.names.index(name) for name in ("head", "left_ankle"))
+    factor = (rest[1][head] - rest[1][ankle]) / (rest[0][head] - rest[0][ankle])
+    path = path_of(0.004 * torch.sin(torch.arange(FRAMES - 2, dtype=torch.float64)))
+    term = JointAcceleration(body, FPS, 1.0)
+    mean, large = term.cost(moving_along(path)), term.cost(moving_along(factor * path, betas))
+    assert abs(factor.item() - 1) > 0.01
+    torch.testing.assert_close(mean, large, rtol=1e-3, atol=0.0)
+
+
+def test_frame_rate_changes_only_the_number_of_frames(body: Body) -> None:
+    """A constant acceleration, filmed at two rates."""
+
+    def cost(fps: float) -> float:
+        time = torch.arange(8 * int(fps), dtype=torch.float64) / fps
+        path = torch.zeros(len(time), 3, dtype=torch.float64)
+        path[:, 0] = 0.5 * time**2
+        return JointAcceleration(body, fps, 1.0).cost(moving_along(path)).item() / len(time)
+
+    assert cost(60.0) == pytest.approx(cost(30.0), rel=0.02)
+
+
+SLACK_RAD = 0.1
+
+
+def state_of(theta: torch.Tensor) -> MotionState:
+    """theta: (B, T, 24, 3)."""
+    B, T = theta.shape[:2]
+    valid = torch.ones(B, T, dtype=torch.bool)
+    valid[-1, -1] = False
+    zeros = theta.new_zeros
+    return MotionState.of(exp(theta), zeros(B, T, 3), zeros(B, 10), valid)
+
+
+def violated(seed: int = 0) -> MotionState:
+    """Two motions of five frames; knees and elbows bend both ways."""
+    generator = torch.Generator().manual_seed(seed)
+    return state_of(torch.randn(2, 5, 24, 3, generator=generator, dtype=torch.float64) * 0.6)
+
+
+def test_the_four_hinges_cost_what_extension_beyond_the_slack_costs() -> None:
+    state, weight = violated(1), 2.0
+    expected = []
+    for name, k, sign in HINGES:
+        flexion = sign * state.axis_angle[:, :, SMPL_JOINTS.index(name), k]
+        excess = (-flexion - SLACK_RAD).clamp_min(0.0) * state.valid
+        expected.append(excess.square().sum(1))
+    assert torch.equal(HingeLimits(weight).cost(state), weight * torch.stack(expected).sum(0))
+
+
+def differences(term: Term, state: MotionState) -> torch.Tensor:
+    """(B, T, n) central differences of the cost."""
+    B, T = state.valid.shape
+    step, slopes = 1e-6, torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64)
+    nothing = torch.zeros(B, state.unknown_globals, dtype=torch.float64)
+    for t in range(T):
+        for k in range(72):
+            move = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64)
+            move[:, t, k] = step
+            ends = (term.cost(state.retract(sign * move, nothing)) for sign in (1, -1))
+            slopes[:, t, k] = torch.sub(*ends) / (2 * step)
+    return slopes
+
+
+def test_the_gradient_is_that_of_finite_differences() -> None:
+    state, term = violated(2), HingeLimits(3.0)
+    gradient = 2 * linearise([term], state).gradient
+    assert float((gradient - differences(term, state)).abs().max()) < 1e-6
+
+
+def test_nothing_acts_within_the_ranges() -> None:
+    theta = torch.zeros(1, 2, 24, 3, dtype=torch.float64)
+    state = state_of(theta)
+    assert HingeLimits(5.0).cost(state).tolist() == [0.0]
+    assert not linearise([HingeLimits(5.0)], state).gradient.any()
+
+
+DEPTH = torch.tensor([0.0, 0.0, 4.0], dtype=torch.float64)
+
+
+def leaning(lean_rad: float, frames: int = 20) -> MotionState:
+    """A body at rest that faces a level camera and leans away from it."""
+    R = exp(torch.zeros(1, frames, 24, 3, dtype=torch.float64))
+    lean = torch.tensor([lean_rad, 0.0, 0.0], dtype=torch.float64)
+    R[:, :, 0] = exp(FACING) @ exp(-lean)
+    trans = DEPTH.expand(1, frames, 3)
+    valid = torch.ones(1, frames, dtype=torch.bool)
+    return MotionState.of(R, trans, torch.zeros(1, 10, dtype=torch.float64), valid)
+
+
+@pytest.mark.parametrize("lean_rad", [-0.8, 0.8])
+def test_a_body_that_falls_is_costlier_than_one_above_its_feet(lean_rad: float) -> None:
+    made = scene(20, [0.0], np.random.default_rng(0))
+    steady = FitParams(camera_pitch_deg=3.0)
+    (term,) = balance_terms(made.body, leaning(lean_rad), made.observations, steady)
+    half, upright = term.cost(leaning(lean_rad / 2)), term.cost(leaning(0.0))
+    assert float(upright) < 0.5 * float(half) < 0.5 * float(term.cost(leaning(lean_rad)))
+
+
+def test_a_weight_of_0_leaves_it_out() -> None:
+    made = scene(20, [0.0], np.random.default_rng(0))
+    assert balance_terms(made.body, leaning(0.1), made.observations, FitParams(balance=0.0)) == []
+
+
+def test_the_arm_is_from_the_middle_of_the_feet_to_the_centre_of_mass() -> None:
+    joints = standing(10)
+    filmed = FilmedBody(joints, 25.0, np.eye(3))
+    weights, whiten = arms_above_support(filmed, np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(weights.sum(axis=1), 0.0, atol=1e-12)
+    arm = np.einsum("tj,tjc->tc", weights, joints)
+    assert (arm[:, 1] > 0.8).all()
+    assert (np.linalg.norm(whiten @ arm[..., None], axis=1) < 1).all()
+    np.testing.assert_allclose(whiten @ [0.0, 1.0, 0.0], 0.0, atol=1e-12)
+
+
+def test_a_motion_of_the_batch_by_itself_has_its_frames() -> None:
+    made = scene(20, [0.0], np.random.default_rng(0))
+    (term,) = balance_terms(made.body, leaning(0.3), made.observations, FitParams())
+    assert isinstance(term, Balance)
+    short = leaning(0.3, frames=5)
+    assert float(term.of(0, 5).cost(short)[0]) < float(term.cost(leaning(0.3))[0])
+
+
+BODY = load_free_body()
+
+
+def skeleton(betas: torch.Tensor) -> torch.Tensor:
+    """Sum of all lengths between the twelve joints and of the trunk."""
+    joints = BODY.shape(betas).joints_rest
+    limbs = [(1, 4), (4, 7), (2, 5), (5, 8), (16, 18), (18, 20), (17, 19), (19, 21)]
+    pairs = [(joints[a], joints[b]) for a, b in [*limbs, (1, 2), (16, 17)]]
+    pairs.append((joints[[1, 2]].mean(0), joints[[16, 17]].mean(0)))
+    return torch.stack([torch.linalg.vector_norm(a - b) for a, b in pairs]).sum()
+
+
+def test_no_other_direction_makes_the_skeleton_of_the_twelve_joints_grow_as_fast() -> None:
+    size = size_direction(BODY)
+    rate = torch.func.grad(skeleton)(torch.zeros(10, dtype=BODY.dtype))
+    torch.testing.assert_close(size, rate / rate.norm(), atol=2e-3, rtol=0)
+
+
+def test_size_and_what_keypoints_do_not_tell_have_their_own_weights() -> None:
+    hidden, size = hidden_directions(BODY), size_direction(BODY)
+    prior = ShapePrior.of_body(BODY, 3.0, 50.0, 200.0)
+    identity = torch.eye(hidden.shape[1]).to(hidden)
+    torch.testing.assert_close(hidden.T @ hidden, identity)
+    torch.testing.assert_close(hidden.T @ prior.precision @ hidden, 50.0 * identity)
+    torch.testing.assert_close(prior.precision @ size, 200.0 * size)
+    told = torch.linalg.eigvalsh(prior.precision)[: 9 - hidden.shape[1]]
+    torch.testing.assert_close(told, torch.full_like(told, 3.0))
+
+
+def test_hidden_shape_leaves_all_lengths_as_they_are() -> None:
+    rates, hidden = length_rates(BODY), hidden_directions(BODY)
+    assert hidden.shape == (10, 3)
+    assert torch.linalg.matrix_rank(rates, rtol=1e-6) == 7
+    torch.testing.assert_close(rates @ hidden, torch.zeros(7, 3).to(rates))
+
+
+def test_people_told_to_be_wider_and_longer_in_the_leg_are_no_taller() -> None:
+    """Where keypoints ask for other proportions, their sum stays that of the population."""
+    rates = length_rates(BODY)
+    asked = rates.new_tensor([0.03, 0.04, 0.02, 0.0, -0.07, -0.02, 0.02])  # metres
+    prior = ShapePrior.of_body(BODY, 10.0, 100.0, 1000.0).precision
+    # Proportions alone: what all lengths have in common is free, as it is for pictures.
+    lengths = rates.new_tensor([0.39, 0.43, 0.26, 0.24, 0.17, 0.35, 0.47])
+    free = torch.eye(7).to(rates) - torch.outer(lengths, lengths) / lengths.square().sum()
+    told = rates.T @ free.T @ free @ rates * 1e7
+    betas = torch.linalg.solve(told + prior, 1e7 * rates.T @ free.T @ free @ asked)
+    grown = float(skeleton(betas) / skeleton(torch.zeros_like(betas)))
+    assert abs(grown - 1) < 0.01
+    torch.testing.assert_close(free @ rates @ betas, free @ asked, atol=2e-3, rtol=0)
+
+
+def test_length_rates_are_the_derivatives_of_lengths() -> None:
+    def thigh(betas: torch.Tensor) -> torch.Tensor:
+        joints = BODY.shape(betas).joints_rest
+        sides = [joints[a] - joints[b] for a, b in ((4, 1), (5, 2))]
+        return torch.stack([torch.linalg.vector_norm(bone) for bone in sides]).mean()
+
+    slope = torch.func.grad(thigh)(torch.zeros(10, dtype=BODY.dtype))
+    torch.testing.assert_close(length_rates(BODY)[0], slope)

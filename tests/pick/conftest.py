@@ -1,7 +1,5 @@
 """An action of short films with a walking figure and a bystander, and its keypoints."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A client that asks the page's server as a browser does, or as one must not."""
 
-from __future__ import annotations
-
 import json
 import socket
 import time

@@ -1,7 +1,5 @@
 """action.yaml is written whole, checked, never over another program's change, and back again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """An edit changes what it is about; comments, unknown fields and other lines stay as they are."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from difflib import ndiff
 from typing import Any

@@ -1,7 +1,5 @@
 """Who may ask the server, and for what: asked over real HTTP, as an attacker would."""
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Iterator
 from contextlib import closing

@@ -1,14 +1,12 @@
 """Outlines enclose the person: every joint lies in the polygon, and little else does."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.pick.media import outline
-from tests.pipeline.test_people import PERFORMER, tracked
+from tests.stages.test_people import PERFORMER, tracked
 
 COCO = layout_names("coco17")
 

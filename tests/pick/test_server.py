@@ -1,7 +1,5 @@
 """The page's requests over real HTTP: what it shows, and what it makes of action.yaml."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -4,8 +4,6 @@ gather reads the detections, scale doubles them or not, evaluate compares with t
 of a stage adds its name to the file `ran`, each asks the environment whether to break.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -20,7 +18,6 @@ from imocap_core.pipeline.graph import VARIABLE
 from imocap_core.pipeline.source import PROJECT
 
 HEAD = """
-from __future__ import annotations
 import os, signal
 from pathlib import Path
 import numpy as np
@@ -140,7 +137,7 @@ class Toy:
             env={**os.environ, "TOY_ROOT": str(self.root), **environment},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             check=False,
         )
 

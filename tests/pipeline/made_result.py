@@ -1,7 +1,5 @@
 """An action's artifacts as a store holds them: two videos of one motion, at two frame rates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A made action on disk: its artifacts in a store, its action.yaml, and videos where wanted."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,13 +1,22 @@
 """action.yaml: every fault is named, with file, field, expected and got, all at once."""
 
-from __future__ import annotations
-
+import shutil
 from pathlib import Path
 
 import pytest
 
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.pipeline.action import find_action, read_action
+from imocap_core.library.new_action import new_action
+from imocap_core.pipeline.action import (
+    Action,
+    Declaration,
+    find_action,
+    leads_outside,
+    placed,
+    read_action,
+    repeated_files,
+)
+from tests.io.made_videos import write_video
 
 GOOD = """\
 name: yoga
@@ -86,3 +95,85 @@ def test_an_action_is_found_by_name_or_path(tmp_path: Path) -> None:
     assert find_action(str(elsewhere / "action.yaml"), tmp_path) == elsewhere
     with pytest.raises(WrongUse, match="Existing actions: yoga"):
         find_action("dance", tmp_path)
+
+
+def video(name: str, path: str, **more: str) -> Declaration:
+    return Declaration(id=name, video=path, keypoints="detect", **more)
+
+
+@pytest.mark.parametrize(
+    ("path", "outside"),
+    [
+        ("videos/v1.mp4", False),
+        ("a/../v1.mp4", False),
+        ("..v1.mp4", False),
+        ("../v1.mp4", True),
+        ("a/../../v1.mp4", True),
+        ("/films/v1.mp4", True),
+        ("C:/films/v1.mp4", True),
+        ("..\\films\\v1.mp4", True),
+    ],
+)
+def test_what_leads_outside(path: str, outside: bool) -> None:
+    assert leads_outside(path) is outside
+
+
+def test_inside_nothing_changes_and_twice_is_as_once() -> None:
+    inside = (video("v1", "clip.mp4"), video("v2", "videos/v2.mp4", performer="anna"))
+    assert placed(inside) == inside
+    moved = placed((video("v1", "../x/clip.mp4"), video("v2", "/y/clip.mp4")))
+    assert [v.video for v in moved] == ["videos/clip.mp4", "videos/v2_clip.mp4"]
+    assert [v.keypoints for v in moved] == ["detect", "detect"]
+    assert placed(moved) == moved
+
+
+def test_places_that_are_taken() -> None:
+    videos = (
+        video("v1", "../Clip.mp4"),
+        video("v2", "../other/clip.mp4"),
+        video("v3", "../Clip.mp4"),
+        video("v4", "videos/v2_clip.mp4"),
+    )
+    names = [v.video for v in placed(videos)]
+    assert names[0] == names[2] == "videos/Clip.mp4"  # one file, one place
+    assert names[1] == "videos/v2_v2_clip.mp4"
+    assert names[3] == "videos/v2_clip.mp4"
+
+
+def action(folder: Path, *frames: tuple[int, int] | None) -> Action:
+    """Videos a, b, ... of equal content, and one of another."""
+    for name in "abcdx"[: len(frames)]:
+        (folder / f"{name}.mp4").write_bytes(b"the same")
+    (folder / "other.mp4").write_bytes(b"another")
+    videos = [
+        Declaration(id=name, video=f"{name}.mp4", keypoints="detect", frames=span)
+        for name, span in zip("abcdx", frames, strict=False)
+    ]
+    videos.append(Declaration(id="other", video="other.mp4", keypoints="detect"))
+    return Action(folder, "made", tuple(videos))
+
+
+@pytest.mark.parametrize(
+    ("spans", "count"),
+    [
+        ((None, None), 1),
+        ((None, (0, 9)), 1),
+        (((0, 10), (9, 20)), 1),
+        (((0, 10), (10, 20)), 0),  # two parts of a long clip
+        ((None, None, None), 3),
+    ],
+)
+def test_equal_content_with_common_frames_is_reported(
+    tmp_path: Path, spans: tuple[tuple[int, int] | None, ...], count: int
+) -> None:
+    lines = repeated_files(action(tmp_path, *spans))
+    assert len(lines) == count
+    assert all("is the same file as a" in line or "as b" in line for line in lines)
+    assert not any("other" in line for line in lines)
+
+
+def test_init_reports_equal_files(tmp_path: Path) -> None:
+    files = [write_video(tmp_path / f"{name}.mp4", count=n) for name, n in (("a", 8), ("x", 5))]
+    files.append(Path(shutil.copy(files[0], tmp_path / "b.mp4")))
+    (remark,) = new_action("mine", files, tmp_path).remarks
+    assert remark.startswith(f"{files[2]} is the same file as {files[0]}")

@@ -1,7 +1,5 @@
 """A built-in action is made when it is absent, by older code, or not whole; yours never is."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

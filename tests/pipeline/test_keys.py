@@ -1,7 +1,5 @@
 """A key changes when, and only when, something that the result depends on does."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """pipeline.yaml is the one truth of the graph; values in it override the parameters' defaults."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any

@@ -165,7 +165,7 @@ def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
         assert second.stdout is not None
         said = second.stdout.readline()
         assert toy.ran() == []
-    out, _ = second.communicate(timeout=60)
+    out, _ = second.communicate(timeout=300)
     assert "another run of this action is at work" in said
     assert "toy: 3 stages, 3 made" in out
 

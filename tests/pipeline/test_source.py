@@ -1,7 +1,5 @@
 """Code counts by what it does: followed through imports, blind to comments and layout."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The complete example of a stage, in the docstring of imocap_core.pipeline.stage, works."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
@@ -57,7 +55,6 @@ def test_the_example_runs_and_its_artifact_is_stored(
     monkeypatch.setenv("IMOCAP_ALLOW_SCRIPTS", "")  # which the option changes
     assert main(["--root", str(tmp_path), "--allow-scripts", "stage", name, "clip"]) == 0
     stored = Store(tmp_path / "artifacts").load("clip", name)
-    assert stored is not None
     shares = json.loads(stored.content.header)["share_visible"]["v1"]
     assert shares[9] == 0.5
     assert shares[:9] + shares[10:] == [1.0] * 16

@@ -3,8 +3,6 @@
 A run's scores and the baseline's values have the same shape: action -> result -> metric -> value.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One run of each action for the whole suite, however many workers share it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

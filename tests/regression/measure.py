@@ -1,7 +1,5 @@
 """The real pipeline, run as a user runs it, and what it scored."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 Metrics, directions and tolerances stay as they were written by hand.
 """
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Real videos of one man on a balance beam, where this machine has them."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.regression.comparison import Baseline, compare, lost, table

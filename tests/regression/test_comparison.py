@@ -1,7 +1,5 @@
 """The comparison sees what it must see, and the committed baseline is complete."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

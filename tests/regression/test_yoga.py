@@ -1,7 +1,5 @@
 """The demo action, whole: no number lost, the promises kept, a planted fault seen."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small made scene as artifacts: a body that waves its limbs before two or more cameras."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report's page: everything in its place, every number explained, no other file needed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A made scene as the viewer's page, and the page's data read back."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -46,14 +44,12 @@ class Page:
     @cached_property
     def header(self) -> dict[str, Any]:
         found = re.search(r'id="header">(.*?)</script>', self.text, re.S)
-        assert found is not None
         header: dict[str, Any] = json.loads(found[1])
         return header
 
     @cached_property
     def data(self) -> bytes:
         found = re.search(r'id="blob">(.*?)</script>', self.text, re.S)
-        assert found is not None
         return base64.b64decode(found[1], validate=True)
 
     def array(self, entry: dict[str, Any], *shape: int) -> np.ndarray:

@@ -54,6 +54,7 @@ def test_positions_lead_to_the_frames_of_the_pictures_and_back() -> None:
     assert (pictures.picture[every.astype(int)] == pictures.picture).all()
 
 
+@pytest.mark.long
 def test_a_freeze_frame_has_one_moment_and_the_rest_is_as_without_it() -> None:
     rng = np.random.default_rng(4)
     other, poses = estimated(np.linspace(0.4, 4.6, 126), rng), estimated(PHASE, rng)
@@ -70,6 +71,7 @@ def test_a_freeze_frame_has_one_moment_and_the_rest_is_as_without_it() -> None:
     assert result.affinity.pairs[0, 1].shape == (126, 149)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reference", [None, 1])
 def test_a_held_last_frame_and_a_frozen_reference(reference: int | None) -> None:
     rng = np.random.default_rng(5)

@@ -7,15 +7,25 @@ import numpy as np
 import pytest
 
 from imocap_core.params import SyncParams
-from tests.sync.test_synchronise import PARAMS, error_s, estimated, run
+from imocap_core.sync import SyncEvidence, SyncResult, affinity, synchronise
+from imocap_core.sync.maps import BandedMap, refined_bands
+from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated, run
+
+SLOW_FPS = 15.0
 
 
-@pytest.mark.parametrize(("max_rate", "reference"), [(4.0, 0), (np.inf, 0), (np.inf, 1)])
-def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int) -> None:
+def one_in_slow_motion() -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Phases and estimates of three videos, the second at a quarter of the speed."""
     rng = np.random.default_rng(20)
-    phases = [np.linspace(1.0, 4.0, 90), np.linspace(1.2, 3.8, 312), np.linspace(0.9, 4.2, 95)]
-    poses = [estimated(p, rng) for p in phases]
-    result = run(poses, replace(PARAMS, max_rate=max_rate), reference=reference)
+    phases = [np.linspace(1.0, 4.0, 45), np.linspace(1.2, 3.8, 156), np.linspace(0.9, 4.2, 48)]
+    return phases, [estimated(p, rng) for p in phases]
+
+
+@pytest.mark.parametrize(("max_rate", "reference"), [(4.0, 0), (np.inf, 1)])
+def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int) -> None:
+    phases, poses = one_in_slow_motion()
+    params = replace(PARAMS, max_rate=max_rate)
+    result = run(poses, params, reference=reference, fps=[SLOW_FPS] * 3)
     assert error_s(phases, result.reference_frame, reference).mean() < 0.06
     other = 1 - reference
     f = result.reference_frame[other]
@@ -25,17 +35,16 @@ def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int) -> N
 
 
 def test_slow_motion_does_not_make_a_reference_beyond_the_largest_rate() -> None:
-    rng = np.random.default_rng(20)
-    phases = [np.linspace(1.0, 4.0, 90), np.linspace(1.2, 3.8, 312), np.linspace(0.9, 4.2, 95)]
-    result = run([estimated(p, rng) for p in phases], replace(PARAMS, max_rate=4.0))
+    phases, poses = one_in_slow_motion()
+    result = run(poses, replace(PARAMS, max_rate=4.0), fps=[SLOW_FPS] * 3)
     assert result.reference != 1
     assert error_s(phases, result.reference_frame, result.reference).mean() < 0.06
 
 
 def test_three_frame_rates_give_one_axis_in_seconds() -> None:
     rng = np.random.default_rng(21)
-    rates = [12.0, 25.0, 60.0]
-    phases = [np.arange(0.5 * v, 4.0 + 0.3 * v, 1 / f) for v, f in enumerate(rates)]
+    rates = [12.0, 25.0, 50.0]
+    phases = [np.arange(0.3 * v, 3.0 + 0.3 * v, 1 / f) for v, f in enumerate(rates)]
     result = run([estimated(p, rng) for p in phases], fps=rates, reference=1)
     assert error_s(phases, result.reference_frame, 1).mean() < 0.04
     for p, phase in zip(phases, result.phase, strict=True):
@@ -96,8 +105,10 @@ def test_a_longer_hold_is_crossed_at_one_pace() -> None:
     assert steps.max() < 6.0
 
 
-@pytest.mark.parametrize("warp", ["posterior", "dtw"])
-@pytest.mark.parametrize("method", ["none", "softmap", "als", "svt", "auto"])
+@pytest.mark.parametrize(
+    ("method", "warp"),
+    [(m, "posterior") for m in ("none", "als", "svt", "auto")] + [("none", "dtw"), ("als", "dtw")],
+)
 def test_every_cycle_method_with_either_warp(method: str, warp: str) -> None:
     rng = np.random.default_rng(26)
     phases = [
@@ -105,9 +116,40 @@ def test_every_cycle_method_with_either_warp(method: str, warp: str) -> None:
         1.0 + 3.0 * np.linspace(0, 1, 48) ** 1.3,
         1.0 + 3.0 * np.linspace(0, 1, 54) ** 0.8,
     ]
-    chosen: SyncParams = replace(PARAMS, method=method, warp=warp)
+    chosen: SyncParams = replace(PARAMS, method=method, warp=warp, consensus_rounds=1)
     result = run([estimated(p, rng) for p in phases], chosen, reference=0)
     limit = 0.04 if warp == "posterior" else 0.12
     assert error_s(phases, result.reference_frame, 0).mean() < limit, result.status
     matched = np.isfinite(np.concatenate(result.reference_frame)).mean()
     assert matched > 0.9
+
+
+def synchronised(phases: list[np.ndarray]) -> SyncResult:
+    rng = np.random.default_rng(3)
+    poses = [estimated(phase, rng) for phase in phases]
+    params = replace(PARAMS, outliers="ignore", mirrored="ignore", consensus_rounds=1)
+    return synchronise(SyncEvidence(poses, [FPS] * 2, reference=0), params, rng)
+
+
+def test_maps_by_way_of_every_third_frame_are_those_of_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    phases = [np.linspace(1.0, 11.0, 300), np.linspace(0.0, 1.0, 280) ** 1.2 * 9.0 + 1.5]
+    every = synchronised(phases)
+    monkeypatch.setattr(affinity, "ALL_COMPARED", 300 * 280 // 9)
+    coarse = synchronised(phases)
+    assert coarse.affinity.pairs[0, 1].shape == (300, 280)
+    assert np.median(error_s(phases, every.reference_frame, 0)) < 0.05
+    np.testing.assert_allclose(
+        coarse.reference_frame[1], every.reference_frame[1], rtol=0, atol=1e-3
+    )
+    np.testing.assert_allclose(coarse.confidence[1], every.confidence[1], rtol=0, atol=0.05)
+
+
+def test_bands_of_all_frames_contain_those_of_every_nth() -> None:
+    coarse = BandedMap.of(np.eye(50, 80))
+    for rows, columns in refined_bands(coarse, (200, 320), 4, 5):
+        assert columns.start <= max(0, rows.start - 5)
+        assert min(320, rows.stop + 5) <= columns.stop < rows.stop + 64 * 4
+    nowhere = BandedMap.of(np.zeros((50, 80)))
+    assert all(c == slice(0, 320) for _, c in refined_bands(nowhere, (200, 320), 4, 5))

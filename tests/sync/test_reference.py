@@ -1,7 +1,5 @@
 """The reference: central, and showing as much of the others as that allows, in any order."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A motion explains the keypoints of its own pictures, from any side, and not those of another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

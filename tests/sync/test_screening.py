@@ -6,14 +6,27 @@ from functools import cache
 import numpy as np
 import pytest
 
+from imocap_core.params import SyncParams
 from imocap_core.sync import SyncResult
 from imocap_core.sync.screening.decisions import find_outliers, outlier_scores
 from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirrored_poses, signs_of
 from imocap_core.sync.screening.screening import sentences
-from tests.sync.test_synchronise import PARAMS, estimated, four_phases, run_four
+from tests.sync.test_synchronise import FOUR_FPS, PARAMS, estimated, four_phases, run
 
 EQUAL = np.full((4, 4), 0.05)  # persistent differences, metres, by which no video stands out
 TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
+
+
+SCREENED = replace(PARAMS, consensus_rounds=0)  # maps are refined after the screening
+
+
+def run_four(poses: list[np.ndarray], params: SyncParams = SCREENED, **given) -> SyncResult:
+    return run(poses, params, fps=[FOUR_FPS] * len(poses), **given)
+
+
+def four_videos(seed: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return [estimated(p, rng) for p in four_phases()]
 
 
 def stranger(rng: np.random.Generator) -> np.ndarray:
@@ -30,8 +43,7 @@ def test_reflecting_twice_changes_nothing_and_swaps_sides_once() -> None:
 
 @cache
 def of_genuine_videos() -> SyncResult:
-    rng = np.random.default_rng(12)
-    return run_four([estimated(p, rng) for p in four_phases()])
+    return run_four(four_videos(12), twins=TWINS)
 
 
 @pytest.mark.parametrize("where", [0, 3])
@@ -57,15 +69,15 @@ def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(whe
 def test_the_switch_reports_or_ignores() -> None:
     rng = np.random.default_rng(12)
     poses = [*(estimated(p, rng) for p in four_phases()), stranger(rng)]
-    reported = run_four(poses, replace(PARAMS, outliers="report"))
+    reported = run_four(poses, replace(SCREENED, outliers="report"))
     assert reported.screening.outliers == (4,)
     assert reported.screening.excluded == ()
-    ignored = run_four(poses, replace(PARAMS, outliers="ignore"))
+    ignored = run_four(poses, replace(SCREENED, outliers="ignore"))
     assert ignored.screening.outliers == ()
     assert "used nevertheless" in " ".join(sentences(reported.screening, "abcde"))
     assert sentences(ignored.screening, "abcde") == []
     with pytest.raises(ValueError, match="outliers: expected one of exclude"):
-        run_four(poses, replace(PARAMS, outliers="drop"))
+        run_four(poses, replace(SCREENED, outliers="drop"))
 
 
 def test_a_reference_that_was_given_stays() -> None:
@@ -75,70 +87,59 @@ def test_a_reference_that_was_given_stays() -> None:
 
 
 def test_no_clean_clip_is_an_outlier_or_mirrored() -> None:
-    for seed in range(2):
-        rng = np.random.default_rng(100 + seed)
-        result = run_four([estimated(p, rng) for p in four_phases()], twins=TWINS)
+    for result in (of_genuine_videos(), run_four(four_videos(100), twins=TWINS)):
         assert result.screening.outliers == ()
         assert result.screening.mirrored == ()
 
 
-def flipped(result: SyncResult) -> tuple[int, ...]:
-    return result.screening.flipped
-
-
 def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored() -> None:
-    rng = np.random.default_rng(13)
-    poses = [estimated(p, rng) for p in four_phases()]
+    poses = four_videos(13)
     straight = run_four(poses, twins=TWINS, reference=1)
     poses[0] = mirrored_poses(poses[0], TWINS)
     result = run_four(poses, twins=TWINS, reference=1)
-    assert flipped(result) == (0,)
+    assert result.screening.flipped == (0,)
     assert result.screening.outliers == ()
     for f, g in zip(result.reference_frame, straight.reference_frame, strict=True):
         np.testing.assert_allclose(f, g, atol=1e-6)
 
 
 def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
-    rng = np.random.default_rng(13)
-    poses = [estimated(p, rng) for p in four_phases()]
+    poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
-    result = run_four(poses, replace(PARAMS, mirrored="report"), twins=TWINS)
+    result = run_four(poses, replace(SCREENED, mirrored="report"), twins=TWINS)
     assert result.screening.mirrored == (2,)
-    assert flipped(result) == ()
+    assert result.screening.flipped == ()
     assert result.screening.outliers == ()
     assert "left as it is" in sentences(result.screening, "abcd")[0]
 
 
 def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("imocap_core.sync.screening.pose_evidence.CLEAR_MARGIN", 10.0)
-    rng = np.random.default_rng(13)
-    poses = [estimated(p, rng) for p in four_phases()]
+    poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
     result = run_four(poses, twins=TWINS)
     assert result.screening.mirrored == (2,)
-    assert flipped(result) == ()
+    assert result.screening.flipped == ()
     assert "mirrored: true in action.yaml" in sentences(result.screening, "abcd")[0]
 
 
 def test_what_the_user_declares_overrides_the_evidence() -> None:
-    rng = np.random.default_rng(13)
-    poses = [estimated(p, rng) for p in four_phases()]
+    poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
     declared = run_four(poses, twins=TWINS, mirrored=[None, None, True, None])
-    assert flipped(declared) == (2,)
+    assert declared.screening.flipped == (2,)
     denied = run_four(
-        poses, replace(PARAMS, outliers="ignore"), twins=TWINS, mirrored=[None, None, False, None]
+        poses, replace(SCREENED, outliers="ignore"), twins=TWINS, mirrored=[None, None, False, None]
     )
-    assert 2 not in flipped(denied)
+    assert 2 not in denied.screening.flipped
     with pytest.raises(ValueError, match="twins"):
         run_four(poses, mirrored=[None, None, True, None])
 
 
 def test_of_two_videos_the_second_is_the_mirrored_one() -> None:
-    rng = np.random.default_rng(14)
-    poses = [estimated(p, rng) for p in four_phases()[:2]]
+    poses = four_videos(14)[:2]
     poses[0] = mirrored_poses(poses[0], TWINS)
-    assert flipped(run_four(poses, twins=TWINS)) == (1,)
+    assert run_four(poses, twins=TWINS).screening.flipped == (1,)
 
 
 def test_signs_are_solved_together_and_the_smaller_side_turns() -> None:

@@ -1,13 +1,25 @@
 """The template: every direction by the videos to which it is lateral."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.maps import BandedMap
-from imocap_core.sync.procrustes import centred
+from imocap_core.sync.maps import FRAMES, BandedMap, search_bands, whole_band
+from imocap_core.sync.procrustes import centred, rotations_onto
+from imocap_core.sync.warp import template
+from imocap_core.sync.warp.leave_one_out_template import (
+    axis_precisions,
+    squared_view_distances,
+    whitening,
+)
+from imocap_core.sync.warp.monotone import StepPrior, banded_posterior, monotone_posterior
+from imocap_core.sync.warp.rate import banded_rate_posterior, rate_prior
 from imocap_core.sync.warp.template import (
     ISOTROPIC,
     VIEW_PRECISION,
+    NearbySquares,
     fused,
     isotropic_poses,
     poses_of_reference,
@@ -90,3 +102,161 @@ def test_joints_that_are_visible_in_no_video_have_no_weight() -> None:
     assert np.isfinite(both.poses).all()
     assert (both.weights[:, 2] == 0).all()
     assert (both.weights[:, [0, 1, 3]] > 0).all()
+
+
+N, S = 3 * FRAMES + 5, 260
+STEPS = StepPrior(12, 60, 0.05)
+
+
+def costs() -> np.ndarray:
+    """Of a noisy warp at a changing rate."""
+    rng = np.random.default_rng(0)
+    warp = np.linspace(0, 1, N) ** 1.3 * (S - 1)
+    away = np.minimum(0.02 * (np.arange(S) - warp[:, None]) ** 2, 6.0)
+    return np.asarray(away + 0.3 * rng.random((N, S)))
+
+
+@pytest.mark.parametrize("at_once", [1 << 20, 3 * S])
+def test_distances_near_a_map_are_those_of_all(
+    at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(template, "ENTRIES_AT_ONCE", at_once)
+    squares = costs()
+    squares[7] = np.nan
+    bands = search_bands([BandedMap.of(np.eye(N, S))], 9)
+    nearby = NearbySquares.computed((N, S), bands, lambda t, s: squares[t, s])
+    for rows, columns, values in nearby.nearby:
+        np.testing.assert_array_equal(values, squares[rows, columns])
+    assert len(nearby.nearby.bands) == 4
+    np.testing.assert_array_equal(nearby.least, squares.min(axis=1))
+
+
+def test_of_very_many_positions_every_nth_is_compared_and_all_near_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(template, "ALL_COMPARED", N * S // 4)
+    squares, compared = costs(), []
+
+    def block(frames: slice, positions: slice) -> np.ndarray:
+        part = squares[frames, positions]
+        compared.append(part.size)
+        return part
+
+    bands = search_bands([BandedMap.of(np.eye(N, S))], 9)
+    nearby = NearbySquares.computed((N, S), bands, block)
+    assert sum(compared) < 0.6 * N * S
+    assert (nearby.least >= squares.min(axis=1)).all()
+    for rows, columns, values in nearby.nearby:
+        np.testing.assert_array_equal(values, squares[rows, columns])
+        assert (nearby.least[rows] <= values.min(axis=1)).all()
+
+
+def test_warps_within_a_band_are_those_of_all_where_the_others_are_unlikely() -> None:
+    cost, unmatched = 4.0 * costs(), np.full(N, 9.0)
+    prior = rate_prior(usual=S / N, spread=0.35, persistence_s=1.0, max_rate=8.0, fps=30.0)
+    dense, matched = monotone_posterior(cost, unmatched=unmatched, steps=STEPS)
+    whole, smooth_matched = banded_rate_posterior(
+        whole_band(cost), prior, unmatched=unmatched, skipped=0.1
+    )
+    smooth = whole.dense()
+    both = [BandedMap.of(dense, 1e-12), BandedMap.of(smooth, 1e-12)]
+    bands = search_bands(both, 20)
+    near = BandedMap.computed((N, S), bands, lambda t, s: cost[t, s])
+    assert sum(x.size for x in near.values) < 0.6 * N * S
+    banded, banded_matched = banded_posterior(near, unmatched=unmatched, steps=STEPS)
+    np.testing.assert_allclose(banded.dense(), dense, atol=1e-9)
+    np.testing.assert_allclose(banded_matched, matched, atol=1e-9)
+    rates, rates_matched = banded_rate_posterior(near, prior, unmatched=unmatched, skipped=0.1)
+    np.testing.assert_allclose(rates.dense(), smooth, atol=1e-9)
+    np.testing.assert_allclose(rates_matched, smooth_matched, atol=1e-9)
+
+
+def test_a_trimmed_map_is_narrow_whatever_bands_it_had() -> None:
+    soft_map = monotone_posterior(4.0 * costs(), unmatched=np.inf, steps=STEPS)[0]
+    trimmed = whole_band(soft_map).trimmed(1e-6)
+    assert [r.stop - r.start for r, _ in trimmed.bands] == [FRAMES] * 3 + [5]
+    np.testing.assert_allclose(trimmed.dense(), soft_map, atol=1e-6)
+    assert sum(x.size for x in trimmed.values) < 0.5 * N * S
+
+
+def all_squares(*scene: Any) -> np.ndarray:
+    """Of all frames and positions."""
+    return squared_view_distances(*scene)(slice(None), slice(None))
+
+
+def test_is_the_weighted_distance_of_every_pair() -> None:
+    rng = np.random.default_rng(0)
+    others = rng.normal(size=(9, 10, 3))
+    R_other_from_pose = Rotation.random(random_state=1).as_matrix()
+    poses = others[:7] @ R_other_from_pose + rng.normal(size=(7, 10, 3)) * [0.1, 0.1, 0.25]
+    w, u, maps = np.ones((7, 10)), np.ones((9, 10)), BandedMap.of(np.eye(7, 9))
+    squares = all_squares(poses, w, others, u, maps, 5.0)
+
+    x, y = centred(poses, w), centred(others, u)
+    R = rotations_onto(x, y[:7], w, 5.0)
+    precision = axis_precisions(x - np.einsum("nab,nja->njb", R, y[:7]), w)
+    naive = [
+        [float((((x[t] - y[s] @ R[t]) ** 2) * precision).sum(-1).mean()) for s in range(9)]
+        for t in range(7)
+    ]
+    np.testing.assert_allclose(squares, naive, atol=1e-12)
+    assert precision[2] < 0.5 * precision[0]
+
+
+def test_rotations_are_recovered_and_smooth() -> None:
+    rng = np.random.default_rng(2)
+    truth = Rotation.random(random_state=3).as_matrix()
+    poses, ones = rng.normal(size=(40, 12, 3)), np.ones((40, 12))
+    targets = poses @ truth.T + 0.3 * rng.normal(size=poses.shape)
+
+    def spread(window: float) -> float:
+        R = rotations_onto(poses, targets, ones, window)
+        return float(np.linalg.norm(R - truth, axis=(1, 2)).mean())
+
+    assert spread(8.0) < 0.5 * spread(0.0)
+
+
+def test_missing_joints_do_not_count() -> None:
+    rng = np.random.default_rng(4)
+    poses, others = rng.normal(size=(6, 10, 3)), rng.normal(size=(8, 10, 3))
+    w, u, maps = np.ones((6, 10)), np.ones((8, 10)), BandedMap.of(rng.random((6, 8)))
+    w[:, 4:] = 0.0
+    u[:, 4:] = 0.0
+    whole = all_squares(poses, w, others, u, maps, 2.0)
+    poses[:, 4:], others[:, 4:] = np.nan, 50.0
+    np.testing.assert_allclose(all_squares(poses, w, others, u, maps, 2.0), whole)
+    u[2] = 0.0
+    assert np.isnan(all_squares(poses, w, others, u, maps, 2.0)[:, 2]).all()
+
+
+def test_equal_axes_have_equal_precision() -> None:
+    residuals = np.random.default_rng(5).normal(size=(300, 20, 3))
+    np.testing.assert_allclose(axis_precisions(residuals, np.ones((300, 20))), 1.0, atol=0.1)
+
+
+def errors(rng: np.random.Generator, n: int = 4000) -> np.ndarray:
+    """Six joints: three wrong together, three alone, the last three times as much."""
+    noise = rng.normal(size=(n, 6, 3))
+    noise[:, :3] += 2.0 * rng.normal(size=(n, 1, 3))
+    noise[:, 5] *= 3.0
+    return noise
+
+
+def test_features_are_nearly_independent() -> None:
+    residuals = errors(np.random.default_rng(0))
+    W = whitening(residuals, np.ones(residuals.shape[:2]))
+    before = np.corrcoef(residuals[..., 0].T)
+    after = np.corrcoef((W @ residuals)[..., 0].T)
+    off = ~np.eye(6, dtype=bool)
+    assert np.abs(after[off]).max() < 0.35
+    assert np.abs(before[off]).max() > 0.7
+    spread = (W @ residuals).std(axis=(0, 2))
+    assert spread.max() < 1.6 * spread.min()
+
+
+def test_missing_joints_or_few_frames_leave_joints_as_they_are() -> None:
+    residuals = errors(np.random.default_rng(1), 300)
+    weights = np.ones(residuals.shape[:2])
+    weights[5, 2] = 0.0
+    np.testing.assert_array_equal(whitening(residuals, weights), np.eye(6))
+    np.testing.assert_array_equal(whitening(residuals[:9], np.ones((9, 6))), np.eye(6))

@@ -36,7 +36,6 @@ def test_the_form_has_hands_at_every_key_within_their_ranges() -> None:
 
 
 def test_hands_hang_on_the_wrists_and_close(clip: DemoClip) -> None:
-    assert clip.hands is not None
     wrists = clip.joints[:, [SMPL_JOINTS.index(f"{s}_wrist") for s in ("left", "right")]]
     assert np.abs(clip.hands.points_m[:, :, 0] - wrists).max() < 1e-6
     reach = np.linalg.norm(clip.hands.points_m[:, :, 12] - clip.hands.points_m[:, :, 0], axis=-1)
@@ -52,19 +51,15 @@ def test_the_planted_foot_stays_and_the_person_is_in_the_picture(clip: DemoClip)
 
 def test_the_same_seed_gives_the_same_hands(clip: DemoClip) -> None:
     again = make_taichi_clip(SEED, INDEX, taichi_body(SEED))
-    assert clip.hands is not None
-    assert again.hands is not None
     assert np.array_equal(clip.hands.detections.xy_px, again.hands.detections.xy_px)
 
 
 def test_readers_find_the_hands_with_the_performer(clip: DemoClip, tmp_path) -> None:
-    assert clip.hands is not None
     demo.write_keypoints(tmp_path / "v3", "v3", clip)
     frames = np.arange(TAICHI_SPANS[INDEX].frames)
     assert len(read_openpose(tmp_path / "v3", "body25").frames) == len(frames)
     body = np.where(clip.detections.confidence[..., None] > 0, clip.detections.xy_px, np.nan)
     hands = read_openpose_hands(tmp_path / "v3", frames, body)
-    assert hands is not None
     expected = clip.hands.detections
     assert np.allclose(hands[1], expected.confidence, atol=1e-4)
     visible = expected.confidence > 0

@@ -1,7 +1,5 @@
 """A walking stick figure that four cameras film at once, with known truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,0 +1,117 @@
+"""The benchmark of the screening: what is planted is what is counted."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.screening.casts import mirrored_performance, occluded
+from benchmarks.screening.measure import SceneRow
+from benchmarks.screening.scenes import ASYMMETRIC, CLIPS, WALKS, are_strangers
+from benchmarks.screening.tables import (
+    clean_treated,
+    genuine_treated,
+    mirrored_flipped,
+    near_symmetric_flipped,
+    strangers_excluded,
+)
+from benchmarks.trust.screened import PoseVideos, TrustRow, among_decidable, measure, totals
+from imocap_core.conventions import EVAL_14, mirror_indices
+from imocap_core.synthetic.detector import Detections
+
+GOOD = SceneRow(
+    scene="a", development=True, videos=4, asymmetric=True, clean_excluded=0, clean_flipped=0,
+    stranger="v2", stranger_excluded="v2", mirrored="v3", mirrored_flipped="v3",
+    mirrored_excluded="-", wrongly_treated=0, near_symmetric_flips=0,
+)  # fmt: skip
+BAD = replace(
+    GOOD, development=False, clean_excluded=1, stranger_excluded="v1 v3", mirrored_flipped="-",
+    wrongly_treated=3,
+)  # fmt: skip
+
+
+def test_a_performance_mirrored_twice_is_itself_and_once_is_not() -> None:
+    joints = np.random.default_rng(0).normal(size=(7, 14, 3))
+    once = mirrored_performance(joints)
+    np.testing.assert_array_equal(mirrored_performance(once), joints)
+    assert not np.allclose(once, joints)
+
+
+def test_occlusion_only_takes_detections_away() -> None:
+    detections = Detections(np.ones((90, 18, 2)), np.full((90, 18), 0.8))
+    hidden = [occluded(detections, np.random.default_rng(seed)) for seed in range(20)]
+    shares = [float((h.confidence == 0).mean()) for h in hidden]
+    assert min(shares) == 0.0
+    assert 0.0 < max(shares) < 0.2
+    for film in hidden:
+        visible = film.confidence > 0
+        np.testing.assert_array_equal(film.xy_px[visible], 1.0)
+        np.testing.assert_array_equal(film.xy_px[~visible], 0.0)
+
+
+def test_strangers_are_mutual_and_of_another_repertoire() -> None:
+    pairs = [(a, b) for a in CLIPS for b in CLIPS if are_strangers(a, b)]
+    assert all(are_strangers(b, a) and a.split("_")[0] != b.split("_")[0] for a, b in pairs)
+    assert not any(a in WALKS and b in WALKS for a, b in pairs)
+    assert {a for a, _ in pairs} == set(CLIPS)
+
+
+def test_counts_are_of_what_was_planted() -> None:
+    rows = [GOOD, BAD]
+    assert genuine_treated(rows) == (3, 20)
+    assert clean_treated(rows) == (1, 8)
+    assert strangers_excluded(rows) == (1, 2)
+    assert mirrored_flipped(rows) == (1, 2)
+    near = replace(BAD, asymmetric=False, near_symmetric_flips=1)
+    assert mirrored_flipped([near]) == (0, 0)
+    assert near_symmetric_flipped([GOOD, near]) == (1, 12)
+    assert 0.0 < ASYMMETRIC < 1.0
+
+
+REST = {
+    "ankle": (0.1, 0.0, 0.1), "knee": (0.1, 0.0, 0.5), "hip": (0.1, 0.0, 0.9),
+    "wrist": (0.6, 0.0, 1.1), "elbow": (0.4, 0.0, 1.2), "shoulder": (0.2, 0.0, 1.4),
+    "neck": (0.0, 0.0, 1.45), "head": (0.0, 0.0, 1.65),
+}  # fmt: skip
+
+
+def made_action(moved: tuple[str, ...], rng: np.random.Generator) -> PoseVideos:
+    """Four performances of 90 frames in which some joints swing widely and not back."""
+    phase = np.linspace(0.0, 3.0, 90)
+    rest = np.array([REST[n.split("_")[-1]] for n in EVAL_14])
+    rest[[n.startswith("right") for n in EVAL_14], 0] *= -1
+    swing = rng.normal(0.0, 0.35, (2, 14, 3)) * np.array([n in moved for n in EVAL_14])[:, None]
+    poses = []
+    for v in range(4):
+        times = phase + 0.1 * np.sin(phase + v)
+        joints = (
+            rest + swing[0] * np.sin(times)[:, None, None] + swing[1] * times[:, None, None] / 2
+        )
+        poses.append(joints + 0.01 * rng.normal(size=joints.shape))
+    return PoseVideos(poses, [30.0] * 4, tuple(mirror_indices(EVAL_14)))
+
+
+def test_planted_faults_of_very_different_actions_are_found() -> None:
+    rng = np.random.default_rng(4)
+    actions = {
+        "reach": made_action(("left_wrist", "left_elbow", "head"), rng),
+        "kick": made_action(("right_ankle", "right_knee", "left_ankle"), rng),
+    }
+    rows = measure(actions, 4.0)
+    assert [r.action for r in rows] == ["kick", "reach"]
+    assert all(r.clean == "-" for r in rows)
+    assert all(r.found_mirrored == r.mirrored for r in rows)
+    assert all(r.found_outliers == r.replaced.split(" ")[0] for r in rows)
+    assert all(r.outlier_score > r.clean_score for r in rows)
+
+
+def test_only_the_right_video_alone_counts_as_found() -> None:
+    good = TrustRow("a", "-", "-", "v2 b", "v2", "v3", "v3", "v3", 1.2, 1.0, 0.2, -0.1)
+    bad = TrustRow("a", "v1", "v1", "v2 b", "v2 v3", "v3", "-", "-", 1.2, 1.0, 0.2, -0.1)
+    lines = totals([good, bad], "fits")
+    assert [line.rsplit(": ", 1)[1] for line in lines] == ["1 of 2"] * 5
+    assert all(line.startswith("fits: ") for line in lines)
+    # what the true poses don't decide is nobody's fault
+    able = among_decidable([good, bad], [good, bad])
+    assert [line.rsplit(": ", 1)[1] for line in able] == ["1 of 1", "1 of 1", "0 of 1"]
+    missed = among_decidable([bad], [good])
+    assert [line.rsplit(": ", 1)[1] for line in missed] == ["0 of 1", "0 of 1", "1 of 1"]

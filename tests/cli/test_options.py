@@ -1,0 +1,239 @@
+"""`--device`: checked before anything runs, handed to every worker, no part of a result."""
+
+import errno
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.artifacts import shared_store
+from imocap_core.artifacts.shared_store import FolderFiles
+from imocap_core.cli.options import plain
+from tests.pipeline.conftest import Toy
+
+Capture = pytest.CaptureFixture[str]
+
+
+def with_cards(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: count > 0)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
+
+
+@pytest.mark.parametrize("command", [["run"], ["stage", "scale"], ["run-all"]])
+def test_a_device_that_is_not_there_is_a_sentence_before_anything_runs(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: Capture, command: list[str]
+) -> None:
+    with_cards(monkeypatch, 0)
+    assert toy.imocap([*command, "toy", "--device", "cuda"]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("imocap: device cuda: PyTorch finds no CUDA device here")
+    assert message.count("\n") == 1
+    assert toy.imocap([*command, "toy", "--device", "gpu"]) == 2
+    assert "expected cpu, cuda or cuda:1, got 'gpu'" in capsys.readouterr().err
+    assert toy.ran() == []
+
+
+def test_the_number_of_a_device_must_be_there(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    with_cards(monkeypatch, 2)
+    assert toy.imocap(["run", "toy", "--device", "cuda:2"]) == 2
+    assert "PyTorch finds CUDA devices cuda:0 to cuda:1 here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["run"], ["run-all", "--executor", "serial"]])
+def test_results_are_not_made_again_for_another_device(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, command: list[str]
+) -> None:
+    with_cards(monkeypatch, 2)
+    monkeypatch.setenv("IMOCAP_DEVICE", "cuda:1")
+    assert toy.imocap([*command, "toy"]) == 0
+    assert len(toy.ran()) == 3
+    record = toy.root / "artifacts" / "toy" / "run.json"
+    assert json.loads(record.read_text())["device"] == "cuda:1"
+    assert toy.imocap([*command, "toy", "--device", "cpu"]) == 0
+    assert toy.ran() == []
+    assert json.loads(record.read_text())["device"] == "cpu"
+
+
+STAGES = ["gather", "scale", "evaluate"]
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    (tmp_path / "shared").mkdir()
+    return tmp_path / "shared"
+
+
+def forget(toy: Toy) -> None:
+    """As on another machine: nothing is stored here."""
+    shutil.rmtree(toy.root / "artifacts")
+
+
+def published(store: Path) -> list[str]:
+    return sorted(file.parent.name for file in store.glob("results/*/*.mcap"))
+
+
+def test_a_result_of_the_store_is_not_made_again(
+    toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
+    assert toy.ran() == STAGES
+    assert published(store) == sorted(STAGES)
+    digests = toy.digests()
+    forget(toy)
+    assert toy.imocap(["status", "toy"]) == 0
+    assert "never run" in capsys.readouterr().out
+    monkeypatch.setenv("IMOCAP_STORE", str(store))
+    assert toy.imocap(["status", "toy"]) == 0
+    assert "would run" not in capsys.readouterr().out
+    for command in ("run", "run-all"):
+        forget(toy)
+        assert toy.imocap([command, "toy"]) == 0
+        assert toy.ran() == []
+        assert toy.digests() == digests
+        assert (toy.root / "artifacts/toy/report/index.md").is_file()
+
+
+def test_several_processes_of_one_machine_publish_what_they_make(toy: Toy, store: Path) -> None:
+    assert toy.imocap(["run-all", "toy", "--workers", "2", "--store", str(store)]) == 0
+    assert published(store) == sorted(STAGES)
+
+
+def test_a_run_goes_on_where_the_store_refused_it(
+    toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.setattr(shared_store, "FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(shared_store, "PATIENCE_S", 0.1)
+
+    def busy(self: FolderFiles, file: Path, name: str) -> None:
+        raise OSError(errno.EBUSY, "Please reduce your request rate")
+
+    with monkeypatch.context() as outage:
+        outage.setattr(FolderFiles, "publish", busy)
+        assert toy.imocap(["run", "toy", "--store", str(store)]) == 1
+    sentence = capsys.readouterr().err
+    assert "did not answer" in sentence
+    assert "run again to go on, and to publish it" in sentence
+    assert toy.ran() == ["gather"]
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.ran() == ["scale", "evaluate"]
+    assert published(store) == []
+    assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
+    assert toy.ran() == []
+    assert published(store) == sorted(STAGES)
+
+
+def test_a_disk_that_is_full_while_a_result_is_fetched_is_a_sentence(
+    toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
+    forget(toy)
+    toy.ran()
+
+    def full(self: FolderFiles, name: str, file: Path) -> bool:
+        raise OSError(errno.ENOSPC, "No space left on device", "the source")
+
+    with monkeypatch.context() as small:
+        small.setattr(FolderFiles, "fetch", full)
+        assert toy.imocap(["run", "toy", "--store", str(store)]) == 1
+    assert f"the disk is full ({toy.root / 'artifacts'}" in capsys.readouterr().err
+    assert toy.ran() == []
+    assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
+    assert toy.ran() == []
+
+
+def test_push_and_pull_say_what_they_did(toy: Toy, store: Path, capsys: Capture) -> None:
+    capsys.readouterr()
+    assert toy.imocap(["push", "toy", "--store", str(store)]) == 0
+    assert capsys.readouterr().out == ("toy: 3 files, 3 of them new there; results of 0 stages.\n")
+    assert toy.imocap(["pull", "toy", "--store", str(store)]) == 0
+    assert "actions/toy: was here; results of 0 stages." in capsys.readouterr().out
+    assert toy.imocap(["pull", "toy"]) == 2
+    assert "expected --store URL" in capsys.readouterr().err
+
+
+def document(toy: Toy, capsys: Capture, *words: str, code: int = 0) -> Any:
+    capsys.readouterr()
+    assert toy.imocap([*words, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_status(toy: Toy, capsys: Capture) -> None:
+    rows = document(toy, capsys, "status", "toy")["stages"]
+    assert rows[0] == {
+        "stage": "gather", "state": "would run", "why": ["never run"], "digest": None,
+    }  # fmt: skip
+    toy.imocap(["run", "toy"])
+    state = document(toy, capsys, "status", "toy")
+    assert state["action"] == "toy"
+    assert {row["stage"]: row["digest"] for row in state["stages"]} == toy.digests()
+    assert {row["state"] for row in state["stages"]} == {"cached"}
+
+
+def test_run(toy: Toy, capsys: Capture) -> None:
+    first = document(toy, capsys, "run", "toy")
+    assert [(row["stage"], row["how"]) for row in first["stages"]] == [
+        ("gather", "made"), ("scale", "made"), ("evaluate", "made"),
+    ]  # fmt: skip
+    assert {row["stage"]: row["digest"] for row in first["stages"]} == toy.digests()
+    again = document(toy, capsys, "run", "toy")
+    assert {row["how"] for row in again["stages"]} == {"cached"}
+    # a pipeline without these results says so
+    assert [again[name] for name in ("trusted", "sync", "cameras", "verdict")] == [None] * 4
+
+
+def test_a_run_that_fails_leaves_the_standard_output_empty(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TOY_SCALE", "bad")
+    assert toy.imocap(["run", "toy", "--json"]) == 1
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "expected numbers" in shown.err
+
+
+def test_explain(toy: Toy, capsys: Capture) -> None:
+    before = document(toy, capsys, "explain", "toy", "scale")
+    assert before["missing"] == ["gather"]
+    assert "key" not in before
+    toy.imocap(["run", "toy"])
+    after = document(toy, capsys, "explain", "toy", "scale")
+    assert (after["state"], after["why"], after["seed"]) == ("cached", [], 7)
+    assert after["inputs"] == {"gather": toy.digests()["gather"]}
+    assert after["params"]["sync"]["method"] == "softmap"
+
+
+def test_doctor_reports_a_fault_in_its_exit_code_too(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("IMOCAP_MODELS", raising=False)
+    good = document(toy, capsys, "doctor")
+    assert good["ok"] is True
+    assert all(check["works"] for check in good["checks"])
+    (toy.root / "pipeline.yaml").write_text("seed: x\n")
+    bad = document(toy, capsys, "doctor", code=1)
+    assert bad["ok"] is False
+    assert sum(not check["works"] for check in bad["checks"]) == 1
+
+
+def test_a_fault_leaves_the_standard_output_empty(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["status", "nobody", "--json"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "nobody" in shown.err
+
+
+def test_values_become_json_s_types() -> None:
+    @dataclass
+    class Row:
+        file: Path
+        values: tuple[float, ...]
+
+    row = Row(Path("a/b"), (1.5, float("nan"), np.float64(2.0), np.int64(3)))
+    assert plain({"row": row}) == {"row": {"file": "a/b", "values": [1.5, None, 2.0, 3]}}

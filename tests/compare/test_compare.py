@@ -1,0 +1,187 @@
+"""imocap compare: files, numbers and sentences, of one action and of two."""
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Keypoints, RefineSync
+from imocap_core.compare.compare import (
+    compared_moments,
+    describe,
+    pair_angles,
+    pair_of,
+    pair_on_one_axis,
+    performances_of,
+    performers_of,
+    several,
+)
+from imocap_core.compare.parts import pair_findings
+from imocap_core.compare.technique_report import mean_clip, write_pair, write_technique
+from imocap_core.errors import WorkFailed
+from imocap_core.params import SyncParams
+from imocap_core.technique import largest
+from tests.pipeline.made_result import PHASES, Made, keypoints, made_result, refined
+
+ELBOW, RIGHT_ANKLE, LEFT_KNEE = 18, 8, 4  # the left arm swings, the right knee bends
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    return made_result(tmp_path)
+
+
+def swung(found: RefineSync, degrees: float) -> RefineSync:
+    """The same with the left shoulder of video `b` turned by some degrees more throughout."""
+    videos = []
+    for v in found.motion.videos:
+        theta = v.theta.copy()
+        if v.id == "b":
+            theta[:, 3 * 16 + 2] += np.deg2rad(degrees)
+        videos.append(v.model_copy(update={"theta": theta}))
+    motion = found.motion.model_copy(update={"videos": videos})
+    return found.model_copy(update={"motion": motion})
+
+
+def test_equal_performances(made: Made) -> None:
+    """Filmed from two sides, at two frame rates: still one motion."""
+    found = describe(several(performances_of(made.result())))
+    assert found.whole > 0.999
+    assert np.nanmax(found.joint_mm) < 2.0  # what lies between frames
+    assert len(found.instances.phase_s) == 28  # that both show
+
+
+def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
+    made.publish("refine_sync", swung(refined(PHASES), 10.0))
+    found = describe(performances_of(made.result()))
+    by_joint = dict(zip(found.instances.joint_names, found.joint_deg, strict=True))
+    assert by_joint["left_shoulder"] == pytest.approx(10 / np.sqrt(2), abs=0.2)
+    assert max(d for name, d in by_joint.items() if name != "left_shoulder") < 0.5
+    assert found.modes.share == pytest.approx([1.0])
+    scores = found.modes.scores[:, 0]
+    assert abs(scores[0] - scores[1]) == pytest.approx(10 / np.sqrt(22), abs=0.1)
+    assert found.consistency[ELBOW] < found.consistency[RIGHT_ANKLE]
+    assert np.isnan(found.consistency[LEFT_KNEE])  # it hardly moves
+
+
+def test_what_is_written(made: Made) -> None:
+    made.publish("refine_sync", swung(refined(PHASES), 20.0))
+    found = describe(performances_of(made.result()))
+    files = write_technique(made.out, found)
+    assert [f.name for f in files] == [
+        *("report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh"),
+        *("mean.png", "deviation.png", "modes.png", "timing.png"),
+    ]
+    assert all(f.stat().st_size > 50 for f in files)
+    report = files[0].read_text()
+    assert "2 performances (a, b), 28 moments" in report
+    assert set(re.findall(r"\((\w+\.png)\)", report)) == {f.name for f in files[5:]}
+    with files[2].open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 28 * 22
+    shoulder = [float(r["spread_deg"]) for r in rows if r["joint"] == "left_shoulder"]
+    np.testing.assert_allclose(shoulder, 20 / np.sqrt(2), atol=0.3)
+    line = next(line for line in report.splitlines() if line.startswith("* left arm raised: b "))
+    assert "(raised 20° higher), at " in line  # against a: nobody performed their mean
+    take = mean_clip(found)
+    assert take.joints[..., 1].min() == pytest.approx(0.0, abs=0.02)
+    head = take.joints[:, 15] - take.joints[:, 0]
+    np.testing.assert_allclose(head[:, 1], found.mean.joints[:, 15, 1], atol=1e-3)
+
+
+def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
+    """The second one's performances: the same swing, the arm 10 degrees higher."""
+    other = made_result(tmp_path / "other")
+    lifted = swung(swung(refined(PHASES), 10.0), 0.0)
+    videos = [v for v in lifted.motion.videos if v.id == "b"]
+    videos.insert(0, refined(PHASES).motion.videos[0])
+    theta = videos[0].theta.copy()
+    theta[:, 3 * 16 + 2] += np.deg2rad(10.0)
+    videos[0] = videos[0].model_copy(update={"theta": theta})
+    motion = lifted.motion.model_copy(update={"videos": videos})
+    other.publish("refine_sync", lifted.model_copy(update={"motion": motion}))
+    first = performances_of(made.result())
+    second = performances_of(other.result(), first.shaped)
+    pair = pair_of(describe(first), describe(second), SyncParams(), np.random.default_rng(0))
+    assert len(pair.phase_s) > 10
+    angle = np.median(pair.difference.angle_deg, axis=0)
+    assert angle[16] == pytest.approx(10.0, abs=1.5)
+    assert np.abs(pair.second_s - pair.phase_s).mean() < 0.15
+    files = write_pair(made.out, pair)
+    assert "# Technique: walk and walk" in files[0].read_text()
+    assert all(f.stat().st_size > 100 for f in files)
+    assert (found := pair_findings(pair, pair_angles(pair))[0]).angle == "left_shoulder_elevation"
+    assert re.match(
+        r"left arm raised: walk \(2\) −?\d+°, walk \(1\) −?\d+° \(raised \d+° higher\), at ",
+        found.sentence,
+    )
+
+
+def test_two_performers_of_one_action(made: Made) -> None:
+    """The second one lifts the arm by 10 degrees more."""
+    both = [
+        keypoints(video).model_copy(update={"performer": name})
+        for video, name in (("a", "Ann"), ("b", "Bo"))
+    ]
+    made.publish("keypoints", Keypoints(videos=both))
+    made.publish("refine_sync", swung(refined(PHASES), 10.0))
+    result = made.result()
+    assert result["a"].performer == "Ann"
+    assert performers_of(result) == ["Ann", "Bo"]
+    first, second = (describe(performances_of(result, performer=p)) for p in ("Ann", "Bo"))
+    assert first.instances.ids == ("a",)
+    pair = pair_on_one_axis(first, second)
+    angle = np.median(pair.difference.angle_deg, axis=0)
+    assert angle[16] == pytest.approx(10.0, abs=0.5)
+    assert np.delete(angle, 16).max() < 0.5
+    np.testing.assert_allclose(pair.second_s, pair.phase_s, atol=1e-9)
+    assert "# Technique: Ann and Bo" in write_pair(made.out, pair)[0].read_text()
+
+
+def test_performers_that_share_no_moment(made: Made) -> None:
+    first = describe(performances_of(made.result()))
+    later = replace(first.instances, phase_s=first.instances.phase_s + 100.0)
+    second = replace(first, performances=replace(first.performances, instances=later))
+    with pytest.raises(WorkFailed, match="share 0 moments of the action"):
+        pair_on_one_axis(first, second)
+
+
+def test_differences_in_words() -> None:
+    """Large first; those below the repetitions' standard deviation last; small ones not at all."""
+    phase_s = np.arange(4) / 2.0
+    bump = np.array([0.0, 0.0, 1.0, 0.0])
+    flat = np.full(4, -0.04)  # rounded: 0°, not −0°
+    names = ("left_knee_flexion", "trunk_flexion", "right_elbow_flexion", "pelvis_tilt")
+    angles = dict(zip(names, (40 * bump, -12.4 * bump, 50 * bump, 4.9 * bump), strict=True))
+    spread = {"left_knee_flexion": flat + 10, "right_elbow_flexion": flat + 60}
+    found = largest("Bo", "Ann", phase_s, angles, dict.fromkeys(names, flat), spread)
+    assert [f.sentence for f in found] == [
+        "left knee bend: Bo 40°, Ann 0° (40° more bent), at 1.00 s, 4.0 standard deviations",
+        "trunk bent forward: Bo −12°, Ann 0° (bent 12° further back), at 1.00 s",
+        "right elbow bend: Bo 50°, Ann 0° (50° more bent), at 1.00 s, "
+        "within the spread of their repetitions",
+    ]
+    assert [f.phase_s for f in found] == [1.0] * 3
+
+
+def test_which_moments_are_compared() -> None:
+    inside = np.ones((3, 10), dtype=bool)
+    inside[0, :2] = False
+    np.testing.assert_array_equal(compared_moments(inside), inside[0])
+    inside[0, :8] = False  # a short one does not cut the others down
+    np.testing.assert_array_equal(compared_moments(inside), np.ones(10, dtype=bool))
+
+
+def test_one_performance_has_no_spread(made: Made) -> None:
+    alone = {"a": PHASES["a"], "b": np.full(21, np.nan)}
+    made.publish("refine_sync", refined(alone))
+    found = performances_of(made.result())
+    assert found.left_out == ("b: no place on the common axis",)
+    with pytest.raises(WorkFailed, match="walk has one performance, and its spread needs two"):
+        several(found)
+    lonely = describe(found)
+    assert np.isnan(lonely.joint_mm).all()
+    assert np.isnan(lonely.whole)

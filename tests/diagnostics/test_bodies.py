@@ -1,0 +1,234 @@
+"""What speaks against a result: collapsed time, outlying bodies, sliding feet."""
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import GroundPlane, SmplBa
+from imocap_core.body.layouts import layout_names
+from imocap_core.camera.gravity import sole_heights_m
+from imocap_core.camera.ground_plane import Ground
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.diagnostics.bodies import (
+    OFF_FLOOR_MM,
+    ROLLED_DEG,
+    TILT_SD_DEG,
+    PlacedBody,
+    floor_findings,
+    outlying_bodies,
+    slides,
+    speed_findings,
+    two_bodies,
+    up_findings,
+)
+from imocap_core.diagnostics.contradictions import behind_findings, behind_trunk_m
+from imocap_core.diagnostics.timing import collapses
+from imocap_core.sequences import runs
+from tests.diagnostics.test_contradictions import performance
+from tests.report.made import FPS, Made
+
+
+def test_runs_are_maximal_and_long_enough() -> None:
+    flags = np.array([1, 1, 0, 1, 0, 0, 1, 1, 1], dtype=bool)
+    assert runs(flags, 2) == [(0, 1), (6, 8)]
+    assert runs(flags, 2, gap=1) == [(0, 3), (6, 8)]
+    assert runs(~flags | True, 1) == [(0, 8)]
+    assert runs(flags & False, 1) == []
+
+
+def test_a_moving_person_at_one_moment_is_a_collapse() -> None:
+    position = np.arange(150.0)
+    position[60:90] = 60.0
+    (span,) = collapses(position, performance(), FPS)
+    assert (span.first, span.last) == (60, 89)
+    assert span.moment == 60.0
+
+
+def test_standing_still_a_slow_replay_and_unmatched_frames_are_none() -> None:
+    position = np.arange(150.0)
+    position[60:90] = 60.0
+    still = performance()
+    still[60:90] = still[60]
+    assert collapses(position, still, FPS) == []
+    assert collapses(np.arange(150.0) / 8, performance(), FPS) == []
+    unmatched = np.where((position >= 60) & (position < 90), np.nan, position)
+    assert collapses(unmatched, performance(), FPS) == []
+
+
+def bodies(made: Made) -> dict[str, PlacedBody]:
+    """The made bodies in the world's axes: each as the first camera would see it."""
+    return {
+        v.id: PlacedBody(v.joints @ made.R[i] @ made.R[0].T, made.frames[i] / FPS, FPS)
+        for i, v in enumerate(made.true)
+    }
+
+
+def test_equal_performances_have_no_outlying_body(made: Made) -> None:
+    assert outlying_bodies(bodies(made)) == {name: [] for name in made.ids}
+
+
+@pytest.mark.parametrize("turn", [np.diag([-1.0, 1.0, -1.0]), np.diag([1.0, -1.0, -1.0])])
+def test_a_body_that_faces_away_or_lies_is_outlying_where_it_does(
+    made: Made, turn: np.ndarray
+) -> None:
+    placed = bodies(made)
+    joints = placed["v2"].joints.copy()
+    joints[:12] = joints[:12] @ turn
+    placed["v2"] = PlacedBody(joints, placed["v2"].phase_s, FPS)
+    spans = outlying_bodies(placed)
+    assert [(s.first, s.last) for s in spans["v2"]] == [(0, 11)]
+    assert spans["v1"] == spans["v3"] == []
+
+
+def test_a_foot_slides_when_it_moves_in_space_only() -> None:
+    frames = 40
+    ankle_m = np.tile([0.0, 0.9, 4.0], (frames, 1))
+    ankle_px = np.tile([300.0, 400.0], (frames, 1))
+    assert slides(ankle_m, ankle_px, 200.0, FPS) == []
+    ankle_m[20:, 2] += 0.5
+    (span,) = slides(ankle_m, ankle_px, 200.0, FPS)
+    assert span.first <= 20 <= span.last
+    assert span.last - span.first < 8
+    assert span.speed_m_s > 1
+    walking = ankle_px + np.arange(frames)[:, None] * [3.0, 0.0]
+    assert slides(ankle_m, walking, 200.0, FPS) == []
+    assert SMPL_JOINTS.index("left_ankle") == 7
+
+
+A, B = np.array([0.03, -0.03, 0.02, -0.02]), np.array([-0.03, 0.04, -0.03, 0.02])
+
+
+def errors(bodies, *, noise=0.005, sides=0.005, seed=0):
+    """Relative limb errors (M, 4, 2) of videos of some bodies."""
+    rng = np.random.default_rng(seed)
+    proportions = np.array(bodies) + noise * rng.standard_normal((len(bodies), 4))
+    return proportions[..., None] + sides * rng.standard_normal((len(bodies), 4, 2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_clear_groups(seed):
+    groups = two_bodies(errors([A, B, A, B, B], seed=seed))
+    assert groups[0] == groups[2] != groups[1]
+    assert groups[1] == groups[3] == groups[4]
+
+
+def test_size_alone_says_nothing():
+    """A camera's distance is as unknown as the person's size."""
+    assert two_bodies(errors([A, A + 0.2, A + 0.2, A])) is None
+
+
+@pytest.mark.parametrize(
+    "unclear",
+    [
+        errors([A, A, A, A]),
+        errors([A, B, A, B], noise=0.06, seed=1),
+        errors([A, B, A, B], sides=0.08),
+        errors([A, A, A, B]),  # one video may be fitted badly
+        errors([A, B]),
+        errors([0.3 * A, 0.3 * B, 0.3 * A, 0.3 * B]),
+    ],
+)
+def test_what_is_unclear_is_no_proposal(unclear):
+    assert two_bodies(unclear) is None
+
+
+def test_limbs_that_are_seldom_across_do_not_count():
+    measured = errors([A, B, A, B])
+    measured[0, 3] = np.nan
+    assert two_bodies(measured) is not None
+    measured[1, 2] = np.nan
+    assert two_bodies(measured) is None
+
+
+def standing(made: Made, roll_deg: float = 0.0, sunk_mm: float = 0.0, sd: float = 2.0) -> SmplBa:
+    """The made motion on a floor; up leans so far to the first picture's right."""
+    motion, roll = made.refined.motion, np.radians(roll_deg)
+    level = Ground(np.array([0.0, -1.0, 0.0]), np.zeros(3), sd, 5.0)
+    soles = np.median([sole_heights_m(v.joints, level).min() for v in motion.videos])
+    plane = GroundPlane(
+        up=np.array([np.sin(roll), -np.cos(roll), 0.0]),
+        origin=level.up * (soles + sunk_mm / 1000),
+        tilt_sd_deg=sd,
+        height_sd_mm=5.0,
+    )
+    R = [camera.model_copy(update={"R": np.eye(3)}) for camera in motion.cameras]
+    return motion.model_copy(update={"ground": plane, "cameras": R})
+
+
+@pytest.mark.parametrize("roll", [-80.0, ROLLED_DEG - 1, ROLLED_DEG + 1])
+def test_a_rolled_camera_makes_up_doubtful(roll: float) -> None:
+    made = Made(2)
+    motion, sync = standing(made, roll_deg=roll), made.refined.sync
+    findings = up_findings(motion, sync, made.camera_motion.videos)
+    assert [f.kind for f in findings] == (["up"] if abs(roll) > ROLLED_DEG else [])
+    if findings:
+        assert f"rolled by {abs(roll):.0f} degrees" in findings[0].brief
+
+
+def test_an_uncertain_up_is_doubtful() -> None:
+    made = Made(2)
+    cameras, sync = made.camera_motion.videos, made.refined.sync
+    assert not up_findings(standing(made, sd=TILT_SD_DEG - 1), sync, cameras)
+    (finding,) = up_findings(standing(made, sd=TILT_SD_DEG + 1), sync, cameras)
+    assert "uncertain" in finding.brief
+
+
+@pytest.mark.parametrize(
+    ("sunk_mm", "brief"),
+    [(OFF_FLOOR_MM / 2, None), (300.0, "soles below the floor"), (-300.0, "soles above the floor")],
+)
+def test_soles_off_the_floor_are_named(sunk_mm: float, brief: str | None) -> None:
+    made = Made(1)
+    findings = floor_findings(standing(made, sunk_mm=sunk_mm), made.refined.sync)
+    assert [f.brief for f in findings] == ([] if brief is None else [brief])
+
+
+def test_only_what_nobody_does_is_too_fast() -> None:
+    made = Made(1, frames=30)
+    videos = {v.id: v for v in made.keypoints.videos}
+    for speed, named in ((25.0, False), (60.0, True)):
+        joints = made.final[0].joints.copy()
+        joints[15:, SMPL_JOINTS.index("left_wrist"), 0] += speed * 2 / FPS
+        (motion,) = [made.final[0].model_copy(update={"joints": joints})]
+        findings = speed_findings([motion], videos)
+        assert bool(findings) == named
+        assert all(f.first_frame <= 15 <= f.last_frame for f in findings)
+
+
+def facing_body(wrist: tuple[float, float, float]) -> np.ndarray:
+    """(1, 24, 3) a trunk that faces a camera 3 m away, and a wrist."""
+    joints = np.zeros((1, 24, 3)) + [0.0, 0.0, 3.0]
+    for side, x in (("left", 0.2), ("right", -0.2)):
+        joints[0, SMPL_JOINTS.index(f"{side}_shoulder")] = x, -0.5, 3.0
+        joints[0, SMPL_JOINTS.index(f"{side}_hip")] = x / 2, 0.0, 3.0
+    joints[0, SMPL_JOINTS.index("left_wrist")] = wrist
+    return joints
+
+
+@pytest.mark.parametrize(
+    ("wrist", "behind"),
+    [((0, -0.3, 3.3), 0.3), ((0, -0.3, 2.7), 0.0), ((0.5, -0.3, 3.3), 0.0)],
+)
+def test_a_wrist_is_hidden_behind_the_trunk_only(
+    wrist: tuple[float, float, float], behind: float
+) -> None:
+    depth = behind_trunk_m(facing_body(wrist), SMPL_JOINTS.index("left_wrist"))
+    assert depth[0] == pytest.approx(behind, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("layout", "confidence", "named"),
+    [("blazepose33", 0.9, True), ("blazepose33", 0.4, False), ("body25", 0.9, False)],
+)
+def test_an_arm_seen_clearly_is_not_behind_the_trunk(
+    layout: str, confidence: float, named: bool
+) -> None:
+    made = Made(1)
+    video = made.keypoints.videos[0].model_copy(update={"layout": layout})
+    names = layout_names(layout)
+    seen = np.zeros((len(video.frames), len(names)))
+    seen[:, names.index("left_wrist")] = confidence
+    joints = np.repeat(facing_body((0, -0.3, 3.3)), len(video.frames), axis=0)
+    body = made.final[0].model_copy(update={"joints": joints})
+    motion = made.refined.motion.model_copy(update={"videos": [body]})
+    findings = behind_findings(motion, {video.id: video.model_copy(update={"confidence": seen})})
+    assert [f.brief for f in findings] == (["left arm wrong in depth"] if named else [])

@@ -1,0 +1,443 @@
+"""Every reader of 2D keypoints gives back what was written."""
+
+import json
+import pickle
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.body import load_free_body
+from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
+from imocap_core.io.readers.keypoint_readers import FORMATS, format_and_layout, guess_detections
+from imocap_core.io.readers.mediapipe import read_mediapipe
+from imocap_core.io.readers.openpose import read_openpose
+from tests.io import made_keypoints as made
+from tests.io.detector_cases import CASES, FILES, read, refused, written
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_was_written_is_read(case: str, tmp_path: Path) -> None:
+    path, people, kind, layout = written(case, tmp_path)
+    detected = read(path, kind, layout)
+    assert detected.frames.tolist() == list(people)
+    for frame, here in zip(detected.frames, detected.people, strict=True):
+        expected = np.stack(people[int(frame)])
+        if kind == "cpn_npz":  # it knows no confidence
+            expected[..., 2] = np.where(np.isfinite(expected[..., 0]), 1.0, 0.0)
+        np.testing.assert_allclose(here, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_format_and_layout_are_told_by_the_files(case: str, tmp_path: Path) -> None:
+    path, _, kind, layout = written(case, tmp_path)
+    if layout.startswith("body25"):
+        layout = "body25"  # points at random fit neither: asked for, see test_guess
+        with pytest.raises(ValueError, match="fit both"):
+            format_and_layout(path, None, None)
+        assert format_and_layout(path, None, layout) == (kind, layout)
+    else:
+        assert format_and_layout(path, None, None) == (kind, layout)
+        assert format_and_layout(path, kind, None) == (kind, layout)
+    assert kind in FORMATS
+
+
+def test_hands_and_faces_of_openpose_do_not_disturb(tmp_path: Path) -> None:
+    people = made.people("body25b")
+    path = made.write_openpose(tmp_path, people, hands=True)
+    detected = read(path, "openpose", "body25b")
+    np.testing.assert_allclose(detected.people[1], np.stack(people[1]))
+
+
+def test_scores_of_heat_maps_count_as_one_at_most(tmp_path: Path) -> None:
+    people = made.people("coco17", persons=1)
+    people[0][0][0, 2] = 3.7
+    detected = read(made.write_alphapose(tmp_path, people), "alphapose", "coco17")
+    assert detected.people[0][0, 0, 2] == 1.0
+
+
+def test_frames_without_anybody_stay(tmp_path: Path) -> None:
+    people = made.people("coco17")
+    people[1] = []
+    for write, kind in ((made.write_mmpose, "mmpose"), (made.write_deeplabcut, "deeplabcut")):
+        detected = read(write(tmp_path, people), kind, "coco17")
+        assert [len(here) for here in detected.people] == [2, 0, 2]
+
+
+def test_mmpose_lists_that_count_from_one_begin_with_frame_zero(tmp_path: Path) -> None:
+    path = made.write_mmpose(tmp_path, {2: made.people("coco17")[0]})
+    assert read(path, "mmpose", "coco17").frames.tolist() == [3]  # a list with gaps is believed
+
+
+def test_mediapipe_in_pixels_and_as_npz(tmp_path: Path) -> None:
+    people = made.people("mediapipe33", persons=1)
+    path = made.write_mediapipe(tmp_path, people, shares=False)
+    np.testing.assert_allclose(read(path, "mediapipe", "mediapipe33").people[2][0], people[2][0])
+    table = np.array([[*p.T[:2], 0 * p[:, 0], p[:, 2]] for (p, *_) in people.values()])
+    path = tmp_path / "landmarks.npz"
+    np.savez(path, pose_landmarks=np.swapaxes(np.nan_to_num(table), 1, 2))
+    assert format_and_layout(path, None, None) == ("mediapipe", "mediapipe33")
+    np.testing.assert_allclose(read(path, "mediapipe", "mediapipe33").people[2][0], people[2][0])
+
+
+def test_mediapipe_of_several_people_as_npz(tmp_path: Path) -> None:
+    people = made.people("mediapipe33", persons=2)
+    table = np.full((len(people), 3, 33, 4), np.nan)
+    for row, in_frame in zip(table, people.values(), strict=True):
+        for p, person in enumerate(in_frame):
+            row[p + 1] = np.column_stack([person[:, :2], 0 * person[:, 0], person[:, 2]])
+    path = tmp_path / "landmarks.npz"
+    np.savez(path, pose_landmarks=table)
+    read_people = read(path, "mediapipe", "mediapipe33").people[2]
+    assert len(read_people) == 2
+    for got, person in zip(read_people, people[2], strict=True):
+        np.testing.assert_allclose(got, person)
+
+
+def test_names_of_layouts_are_formats_of_any_file(tmp_path: Path) -> None:
+    path = made.write_npz(tmp_path, made.people("halpe26"))
+    assert format_and_layout(path, "halpe26", None) == ("npz", "halpe26")
+    path = made.write_coco_wholebody(tmp_path, made.people("wholebody133"))
+    assert format_and_layout(path, "wholebody", "wholebody133") == ("coco", "wholebody133")
+
+
+def test_videopose3d_clips_are_chosen_by_the_videos_name(tmp_path: Path) -> None:
+    tables = [np.full((2, 17, 2), float(n), np.float32) for n in range(4)]
+    tree = {
+        "S9": {"Walking 1": tables[:2], "Eating": tables[2:3]},
+        "clip.mp4": {"custom": tables[3:]},
+    }
+    path = made.write_positions(tmp_path, tree, "coco")
+    assert read(path, "cpn_npz", "coco17", "S9_Walking_1_1").people[0][0, 0, 0] == 1.0
+    assert read(path, "cpn_npz", "coco17", "v1", "clip.mp4").people[0][0, 0, 0] == 3.0
+    with pytest.raises(
+        ValueError, match=r"named like the video's id \(v1\), got 4: S9 Walking 1 0"
+    ):
+        read(path, "cpn_npz", "coco17", "v1")
+
+
+def test_body_parts_may_be_written_in_many_ways(tmp_path: Path) -> None:
+    people = made.people("coco17", persons=1)
+    path = made.write_sleap(tmp_path, people)
+    text = path.read_text()
+    for old, new in (
+        ("left-knee", "LKnee"), ("right-knee", "knee_R"), ("left-hip", "Left Hip"),
+        ("right-hip", "right_hip"), ("left-wrist", "leftwrist"), ("nose", "Nose"),
+    ):  # fmt: skip
+        text = text.replace(old, new)
+    path.write_text(text)
+    np.testing.assert_allclose(read(path, "sleap", "coco17").people[0][0], people[0][0])
+    path.write_text(path.read_text().replace("-", "x"))
+    detected = read(path, "sleap", "body25")  # the neck is not in the file
+    assert np.isnan(detected.people[0][0, 1]).any()
+    path.write_text("track,frame_idx,instance.score,snout.x,snout.y\n,0,1,2,3\n")
+    with pytest.raises(ValueError, match="at least 4 body parts named like coco17's"):
+        read(path, "sleap", "coco17")
+
+
+EACH = pytest.mark.parametrize("case", FILES)
+
+
+@EACH
+@pytest.mark.parametrize("share", [0.0, 0.6])
+def test_a_truncated_file_is_refused(case: str, share: float, tmp_path: Path) -> None:
+    path, _, kind, layout = written(case, tmp_path)
+    content = path.read_bytes()
+    end = int(share * len(content))
+    if path.suffix == ".csv":  # in the middle of a row
+        end = content.rfind(b";" if "semicolons" in case else b",", 0, end) + 1
+    path.write_bytes(content[:end])
+    refused(path, kind, layout)
+
+
+@EACH
+@pytest.mark.parametrize("content", ["7", "{}", '[{"image_id": "a"}]', "[[]]"])
+def test_a_file_of_something_else_is_refused(case: str, content: str, tmp_path: Path) -> None:
+    path, _, kind, layout = written(case, tmp_path)
+    path.write_text(content)
+    refused(path, kind, layout)
+    with pytest.raises(ValueError, match=path.name):
+        format_and_layout(path, None, None)
+
+
+NAMED = [n for n in FILES if CASES[n][1] in ("deeplabcut", "sleap", "tfjs") or "csv" in n]
+
+
+@pytest.mark.parametrize("case", [n for n in FILES if n not in NAMED])
+def test_a_file_with_another_number_of_points_is_refused(case: str, tmp_path: Path) -> None:
+    write, kind, layout = CASES[case]
+    people = {
+        f: [p[:-1] for p in in_frame] for f, in_frame in made.people(layout, persons=1).items()
+    }
+    message = refused(write(tmp_path, people), kind, layout)
+    assert "expected" in message
+
+
+@EACH
+def test_a_missing_file_is_refused(case: str, tmp_path: Path) -> None:
+    path, _, kind, layout = written(case, tmp_path)
+    path.unlink()
+    assert "no such file" in refused(path, kind, layout)
+
+
+@EACH
+def test_nobody_in_the_whole_file_is_refused(case: str, tmp_path: Path) -> None:
+    write, kind, layout = CASES[case]
+    unseen = {f: [np.full_like(p, np.nan) * [1, 1, 0] for p in in_frame]
+              for f, in_frame in made.people(layout, persons=1).items()}  # fmt: skip
+    for in_frame in unseen.values():
+        in_frame[0][:, 2] = 0.0
+    path = write(tmp_path, unseen)
+    kinds = ("alphapose", "coco", "mmpose", "ultralytics", "mediapipe", "sleap", "openpose", "tfjs")
+    if kind in kinds and (path.suffix != ".csv" or kind == "sleap"):
+        assert all(np.isnan(p[..., 0]).all() for p in read(path, kind, layout).people)
+    else:
+        assert "at least one person" in refused(path, kind, layout)
+
+
+@EACH
+@pytest.mark.parametrize("layout", ["smpl24", "hands42"])
+def test_a_layout_that_the_format_has_not_is_refused(
+    case: str, layout: str, tmp_path: Path
+) -> None:
+    path, _, kind, _ = written(case, tmp_path)
+    refused(path, kind, layout)
+
+
+def test_a_wrong_layout_is_named_with_the_right_one(tmp_path: Path) -> None:
+    path = made.write_alphapose(tmp_path, made.people("halpe26"))
+    with pytest.raises(ValueError, match=r"expected 51 numbers .* got 78 numbers; set layout: hal"):
+        read(path, "alphapose", "coco17")
+    path = made.write_npz(tmp_path, made.people("wholebody133"))
+    with pytest.raises(ValueError, match=r"26 points of halpe26, got 133; set layout: wholebody"):
+        read(path, "npz", "halpe26")
+
+
+def test_wrong_entries_are_named(tmp_path: Path) -> None:
+    path = made.write_coco(tmp_path, made.people("coco17"))
+    entries = json.loads(path.read_text())
+    for field, value, message in (
+        ("keypoints", ["a"] * 51, r"\[2\].keypoints: expected numbers only"),
+        ("keypoints", None, r"\[2\].keypoints: expected a list of numbers, got nothing"),
+        ("image_id", "no number", r"\[2\].image_id: expected a frame number"),
+        ("image_id", -1, r"\[2\].image_id: expected a frame number"),
+        ("image_id", 10**40, r"\[2\].image_id: expected a frame number"),
+        ("image_id", True, r"\[2\].image_id: expected a frame number"),
+    ):
+        changed = [dict(entry) for entry in entries]
+        changed[2][field] = value
+        path.write_text(json.dumps(changed))
+        with pytest.raises(ValueError, match=message):
+            read(path, "coco", "coco17")
+
+
+class Evil:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, victim: Path) -> None:
+        self.victim = victim
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Path.touch, (self.victim,))
+
+
+def evil_npz(folder: Path, array: str, victim: Path) -> Path:
+    path = folder / "evil.npz"
+    arrays = {name: np.array({}, dtype=object) for name in ("positions_2d", "metadata")}
+    arrays[array] = np.array({"S1": Evil(victim)}, dtype=object)
+    np.savez(path, **arrays)
+    return path
+
+
+@pytest.mark.parametrize("array", ["positions_2d", "metadata"])
+def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    path = evil_npz(tmp_path, array, victim)
+    layouts = {"metadata": None, "positions_2d": "h36m17"}[array]
+    with pytest.raises(ValueError, match="refused, it can't be read safely"):
+        read(path, *format_and_layout(path, "cpn_npz", layouts))
+    assert not victim.exists()
+    pickle.loads(pickle.dumps(Evil(victim)))
+    assert victim.exists()  # it would have
+
+
+@EACH
+def test_damaged_files_are_read_or_refused_but_never_fail(case: str, tmp_path: Path) -> None:
+    """A few bytes changed, wherever."""
+    path, _, kind, layout = written(case, tmp_path)
+    whole, rng = path.read_bytes(), random.Random(0)
+    for _ in range(15):
+        damaged = bytearray(whole)
+        for _ in range(rng.randint(1, 4)):
+            damaged[rng.randrange(len(damaged))] = rng.randrange(256)
+        path.write_bytes(bytes(damaged))
+        for attempt in (read, format_and_layout):
+            try:
+                attempt(path, kind, layout if attempt is read else None)
+            except ValueError as error:
+                assert str(path) in str(error)  # noqa: PT017
+
+
+def _write(folder: Path, people: list[np.ndarray]) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, person in enumerate(people):
+        values = [{"pose_keypoints_2d": person.ravel().tolist()}] if len(person) else []
+        file = folder / f"clip_{number:012d}_keypoints.json"
+        file.write_text(json.dumps({"people": values}))
+    return folder
+
+
+def _people(layout: str, frames: int = 8) -> list[np.ndarray]:
+    """A standing body seen from all sides."""
+    model = load_free_body()
+    points = model.points(layout)
+    posed = model.shape(torch.zeros(10, dtype=torch.float64)).pose(
+        torch.eye(3, dtype=torch.float64).expand(24, 3, 3), torch.zeros(3, dtype=torch.float64)
+    )
+    xyz = posed.keypoints(points).numpy()
+    rng = np.random.default_rng(0)
+    people = []
+    for angle in np.linspace(0, 3, frames):
+        x = 200 * (np.cos(angle) * xyz[:, 0] + np.sin(angle) * xyz[:, 2]) + 500
+        person = np.zeros((25, 3))
+        xy = np.column_stack([x, 400 - 200 * xyz[:, 1]]) + rng.normal(size=(len(xyz), 2))
+        person[list(points.columns or range(25))] = np.column_stack([xy, np.full(len(xy), 0.9)])
+        people.append(person)
+    return people
+
+
+@pytest.mark.parametrize("layout", ["body25", "body25b"])
+def test_the_two_layouts_of_25_points_are_told_apart(layout: str, tmp_path: Path) -> None:
+    folder = _write(tmp_path / "v1", [np.zeros((0, 3)), *_people(layout)])
+    assert guess_detections(folder) == ("openpose", layout)
+
+
+def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
+    assert guess_detections(_write(tmp_path / "v1", [np.ones((18, 3))])) == ("openpose", "coco18")
+
+
+@pytest.mark.parametrize(
+    ("people", "message"),
+    [
+        (
+            [np.ones((25, 3))],
+            "fit both about equally; say which with `format` and `layout` in action.yaml",
+        ),
+        ([np.ones((16, 3))], "18 \\(coco18\\), 25 \\(body25 or body25b\\), 26 \\(halpe26\\)"),
+        ([np.ones((18, 3)), np.ones((25, 3))], "got 18, 25; keep one detector's output"),
+        ([np.zeros((0, 3))], "nobody was detected"),
+    ],
+)
+def test_what_is_not_clear_is_asked_for(
+    people: list[np.ndarray], message: str, tmp_path: Path
+) -> None:
+    folder = _write(tmp_path / "v1", people)
+    with pytest.raises(ValueError, match=message):
+        guess_detections(folder)
+
+
+def test_a_given_layout_is_believed(tmp_path: Path) -> None:
+    folder = _write(tmp_path / "v1", [np.ones((25, 3))])
+    assert guess_detections(folder, layout="body25b") == ("openpose", "body25b")
+
+
+def test_files_that_are_something_else(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ValueError, match=r"found no \.json file"):
+        guess_detections(tmp_path / "empty")
+    (tmp_path / "odd").mkdir()
+    (tmp_path / "odd" / "f0.json").write_text("[1, 2]")
+    with pytest.raises(ValueError, match="expected OpenPose's JSON"):
+        guess_detections(tmp_path / "odd")
+    (tmp_path / "odd" / "f0.json").write_text("{")
+    with pytest.raises(ValueError, match="is not JSON"):
+        guess_detections(tmp_path / "odd")
+    results = tmp_path / "results.json"
+    results.write_text(json.dumps([{"image_id": "1.jpg", "keypoints": [], "box": []}]))
+    with pytest.raises(ValueError, match="alphapose, but the file does not tell the layout"):
+        guess_detections(results)
+    assert guess_detections(results, layout="halpe26") == ("alphapose", "halpe26")
+
+
+def test_what_macos_and_windows_add_is_passed_over(tmp_path: Path) -> None:
+    """`._NAME` of macOS, a mark at the beginning of UTF-8, and PowerShell's UTF-16."""
+    folder = _write(tmp_path / "v1", [np.ones((18, 3))] * 3)
+    first, second, third = sorted(folder.glob("*.json"))
+    (folder / f"._{first.name}").write_bytes(b"\x00\x05\x16\x07")
+    text = second.read_text()
+    second.write_text(text, encoding="utf-8-sig")
+    third.write_text(text, encoding="utf-16")
+    assert guess_detections(folder) == ("openpose", "coco18")
+    assert len(read_openpose(folder, "coco18").frames) == 3
+
+
+def test_world_landmarks_alone_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "world.json"
+    landmarks = [{"x": 0.1, "y": 0.2, "z": 0.3}] * 33
+    file.write_text(json.dumps([{"pose_world_landmarks": [landmarks]}]))
+    np.savez(tmp_path / "world.npz", pose_world_landmarks=np.ones((4, 33, 4)))
+    for path in (file, tmp_path / "world.npz"):
+        assert guess_detections(path) == ("mediapipe", "mediapipe33")
+        with pytest.raises(ValueError, match="world landmarks, in metres, and no places in the"):
+            read_mediapipe(path, "mediapipe33", (640, 360))
+
+
+def test_freemocap_of_one_camera_and_of_several(tmp_path: Path) -> None:
+    file = tmp_path / "mediapipe2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy"
+    points = np.random.default_rng(0).uniform(0, 300, (3, 5, 553, 2))
+    points[1, 2, 4] = np.nan
+    np.save(file, points)
+    assert guess_detections(file) == ("npz", "mediapipe33")
+    with pytest.raises(ValueError, match=r"got 3 times 5, as FreeMoCap's .*; save each camera"):
+        read_keypoints_npz(file, "mediapipe33")
+    np.save(file, points[:, :, :33])  # the body alone: not 3 frames of 5 people
+    with pytest.raises(ValueError, match="got 3 times 5"):
+        read_keypoints_npz(file, "mediapipe33")
+    np.save(file, points[1])
+    read = read_keypoints_npz(file, "mediapipe33")
+    assert np.array_equal(np.concatenate(read.people)[..., :2], points[1, :, :33], equal_nan=True)
+    assert read.people[2][0, 4, 2] == 0.0
+
+
+def test_an_unknown_file_is_told_what_can_be_read(tmp_path: Path) -> None:
+    file = tmp_path / "points.json"
+    file.write_text('[{"joints": 3}]')
+    with pytest.raises(ValueError, match=r"`imocap formats` lists .*`format` and `layout` in act"):
+        guess_detections(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.slp", "is SLEAP's project; export its analysis"),
+        ("a.trc", "is a file of 3D motion"),
+        ("results.pkl", "a monocular estimate is given as `initial`"),
+        ("a.mp4", "write `keypoints: detect`"),
+    ],
+)
+def test_files_of_other_kinds_are_called_by_their_names(
+    name: str, message: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(b"something")
+    with pytest.raises(ValueError, match=message):
+        guess_detections(tmp_path / name)
+
+
+def test_a_folder_of_cameras_is_asked_for_one(tmp_path: Path) -> None:
+    for camera in ("01", "02"):
+        (tmp_path / camera).mkdir()
+        (tmp_path / camera / "000000.json").write_text("{}")
+    with pytest.raises(ValueError, match="found folders of them; name one: 01, 02"):
+        guess_detections(tmp_path)
+
+
+def test_numbered_points_of_others_are_not_mediapipes(tmp_path: Path) -> None:
+    """In a table with a row a point, 17 points are no part of MediaPipe's 33."""
+    rows = [f"{t},{k},{10 * k},{t},0.9" for t in range(3) for k in range(17)]
+    file = tmp_path / "points.csv"
+    file.write_text("\n".join(["frame,keypoint,x,y,score", *rows]))
+    with pytest.raises(ValueError, match="expected MediaPipe's 33 landmarks by number or name"):
+        read_mediapipe(file, "mediapipe33", (640, 360))

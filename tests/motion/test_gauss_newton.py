@@ -1,0 +1,291 @@
+"""The solver: guaranteed descent, made truth recovered, Adam going the same way."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.solver.adam import adam
+from benchmarks.solver.lbfgs import lbfgs
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion import gauss_newton as gauss_newton_module
+from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_halves, objective
+from imocap_core.motion.monocular.fit import fit_monocular, monocular_terms
+from imocap_core.motion.monocular.starts import (
+    Start,
+    best_path,
+    lifted_starts,
+    make_library,
+    match,
+    start_at_joints,
+)
+from imocap_core.motion.observations import Observation, person_size_px, without_jumps
+from imocap_core.motion.prior import PosePrior, load_pose_prior, mixture
+from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
+from imocap_core.motion.terms import PathCoupling, PoseCoupling, PosePriorTerm, Term
+from imocap_core.params import InitialSmplParams
+from imocap_core.rotations import exp, geodesic_angle
+from imocap_core.workers import in_turn, on
+from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(24, [0.0], np.random.default_rng(3))
+
+
+def disturbed(state: MotionState, spread: float) -> MotionState:
+    generator = torch.Generator().manual_seed(0)
+    size = (*state.valid.shape, FRAME_UNKNOWNS)
+    shift = spread * torch.randn(size, generator=generator, dtype=torch.float64)
+    return state.retract(shift, torch.zeros_like(state.betas))
+
+
+def test_the_objective_never_rises(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    solution = gauss_newton(terms, disturbed(made.state, 0.3), max_steps=8)
+    assert all(b <= a for a, b in zip(solution.costs, solution.costs[1:], strict=False))
+    assert solution.costs[-1] < 0.2 * solution.costs[0]
+
+
+def test_a_disturbed_motion_comes_back(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 3.0
+    )
+    start = disturbed(made.state, 0.1)
+    solution = gauss_newton(terms, start, max_steps=15)
+    before, after = (mpjpe_mm(made.body, s, made.state) for s in (start, solution.state))
+    assert 1.0 < after < 0.6 * before
+
+
+def test_motions_of_a_batch_do_not_feel_each_other(made: Made) -> None:
+    alone = disturbed(made.state, 0.1)
+    both = alone.rows(torch.tensor([0, 0]))
+    one = monocular_terms(made.body, wide_prior(), made.observations, alone.trans, WEIGHTS, 1.0)
+    two = monocular_terms(made.body, wide_prior(), made.observations * 2, alone.trans, WEIGHTS, 1.0)
+    expected = gauss_newton(one, alone, max_steps=3).state
+    found = gauss_newton(two, both, max_steps=3).state
+    assert torch.allclose(found.R_local[1], expected.R_local[0], atol=1e-8)
+
+
+def test_a_motion_alone_is_linearised_in_halves_that_add_up(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    state = disturbed(made.state, 0.1)
+    whole = linearise(terms, state)
+    in_halves = linearise_halves(terms, state, in_turn)
+    with ThreadPoolExecutor(2) as pool:
+        on_threads = linearise_halves(terms, state, on(pool))
+    for field in fields(whole):
+        expected, found, again = (getattr(x, field.name) for x in (whole, in_halves, on_threads))
+        assert torch.allclose(found, expected, rtol=1e-12, atol=1e-9)
+        assert torch.equal(found, again)
+
+
+@pytest.mark.parametrize("motions", [1, 2])
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_number_of_cores_changes_nothing(
+    made: Made, motions: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = disturbed(made.state, 0.1).rows(torch.zeros(motions, dtype=torch.long))
+    seen = made.observations * motions
+    terms = monocular_terms(made.body, wide_prior(), seen, start.trans, WEIGHTS, 1.0)
+    found = []
+    for count in (1, 2):
+        monkeypatch.setattr("imocap_core.motion.gauss_newton.cores", lambda n=count: n)
+        found.append(gauss_newton(terms, start, max_steps=2, shared_globals=shared))
+    assert torch.equal(found[0].state.R_local, found[1].state.R_local)
+    assert found[0].costs == found[1].costs
+
+
+def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    start = disturbed(made.state, 0.1)
+    slow = adam(terms, start, max_steps=40)
+    quick = gauss_newton(terms, start, max_steps=8)
+    assert quick.costs[-1] < min(slow.costs) < 0.7 * slow.costs[0]
+    assert float(objective(terms, slow.state).sum()) == pytest.approx(min(slow.costs))
+
+
+def mean_angle(a: torch.Tensor, b: torch.Tensor) -> float:
+    return float(geodesic_angle(a, b).mean())
+
+
+@pytest.fixture(scope="module")
+def well_posed() -> tuple[list[Term], MotionState]:
+    """Four frames in which nothing is left open: keypoints, and a known motion near them."""
+    made = scene(4, [0.0], np.random.default_rng(3))
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 3.0
+    )
+    trust = torch.full((1, 4, 24), 0.03**-2, dtype=torch.float64)
+    known = [PoseCoupling(made.state.R_local, trust), PathCoupling(made.state.trans, trust[..., 0])]
+    return [*terms, *known], disturbed(made.state, 0.03)
+
+
+def test_all_solvers_reach_the_same_objective(
+    well_posed: tuple[list[Term], MotionState],
+) -> None:
+    """L-BFGS to 0.03 %, Adam, whose steps have a fixed length, to 0.5 %."""
+    terms, start = well_posed
+    newton = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-9)
+    quasi = lbfgs(terms, start, max_steps=300, relative_tolerance=1e-8)
+    plain = adam(terms, start, max_steps=300, learning_rate=0.003)
+    lowest = newton.costs[-1]
+    assert lowest < 0.4 * newton.costs[0]
+    assert quasi.costs[-1] == pytest.approx(lowest, rel=3e-4)
+    assert min(plain.costs) == pytest.approx(lowest, rel=5e-3)
+    for solution in (newton, quasi, plain):
+        reached = float(objective(terms, solution.state).sum())
+        assert reached == pytest.approx(min(solution.costs), rel=1e-9)
+    found = mean_angle(newton.state.R_local, quasi.state.R_local)
+    assert found < 0.1 * mean_angle(newton.state.R_local, start.R_local)
+    assert "converged after" in quasi.status
+    assert bool(quasi.converged.all())
+
+
+def test_lbfgs_never_takes_a_step_that_raises_the_objective(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    found = lbfgs(terms, disturbed(made.state, 0.3), max_steps=12)
+    assert len(found.costs) == 13
+    assert all(b < a for a, b in zip(found.costs, found.costs[1:], strict=False))
+    assert found.status == "L-BFGS stopped after 12 steps before it converged"
+    assert not bool(found.converged.any())
+
+
+def test_lbfgs_stops_where_nothing_is_lower(well_posed: tuple[list[Term], MotionState]) -> None:
+    terms, start = well_posed
+    there = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-12).state
+    found = lbfgs(terms, there, max_steps=50, relative_tolerance=1e-15)
+    assert found.costs[-1] <= found.costs[0]
+    assert found.costs[-1] == pytest.approx(found.costs[0], rel=3e-4)  # reweighting is linear
+
+
+def test_one_body_stays_one_body_with_every_solver(made: Made) -> None:
+    two = made.observations * 2
+    both = made.state.rows(torch.tensor([0, 0]))
+    start = disturbed(both, 0.05)
+    terms = monocular_terms(made.body, wide_prior(), two, both.trans, WEIGHTS, 3.0)
+    for solver in (gauss_newton, lbfgs, adam):
+        found = solver(terms, start, max_steps=3, shared_globals=True).state
+        assert torch.equal(found.betas[0], found.betas[1])
+        assert not torch.equal(found.betas, start.betas)
+
+
+def test_equations_that_are_not_held_give_the_same_steps(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = made.state.rows(torch.tensor([0, 0]))
+    start = disturbed(both, 0.3)
+    terms = monocular_terms(made.body, wide_prior(), made.observations * 2, both.trans, WEIGHTS, 1)
+    held = gauss_newton(terms, start, max_steps=6, shared_globals=True)
+    monkeypatch.setattr(gauss_newton_module, "MOST_HELD", 0)
+    dropped = gauss_newton(terms, start, max_steps=6, shared_globals=True)
+    assert dropped.costs == held.costs
+    assert torch.equal(dropped.state.R_local, held.state.R_local)
+
+
+def test_two_dimensional_keypoints_alone_lead_near_the_truth(made: Made) -> None:
+    prior = load_pose_prior()
+    library = make_library(made.body, prior, np.random.default_rng(0), poses=300, directions=48)
+    options = InitialSmplParams(candidates=20)
+    starts = [lifted_starts(made.body, library, o, options) for o in made.observations]
+    assert len(starts[0]) == 2
+    fit = fit_monocular(made.body, prior, made.observations, starts, WEIGHTS, stride=3, max_steps=8)
+    assert len(fit.costs[0]) == 2
+    assert 5.0 < mpjpe_mm(made.body, fit.state, made.state) < 150.0
+
+
+def test_a_library_pose_is_found_again() -> None:
+    body = scene(2, [0.0], np.random.default_rng(0)).body
+    library = make_library(
+        body, load_pose_prior(), np.random.default_rng(0), poses=50, directions=24
+    )
+    template = library.templates[24 * 7 + 5]
+    xy = 300 + 100 * torch.stack([template.real, template.imag], -1)[None].expand(3, -1, -1)
+    found = match(library, xy, torch.ones(3, len(template)).double(), count=5, sigma=0.05)
+    path, _ = best_path(found, step_m=0.1)
+    assert torch.allclose(found.R_local[0, path[0], 1:], library.R_local[7, 1:])
+    assert float(found.scale_px_m[0, path[0]]) == pytest.approx(100.0, rel=1e-6)
+
+
+def test_known_rotations_are_placed_where_the_body_is_seen(made: Made) -> None:
+    start = start_at_joints(made.body, made.state.R_local[0], made.observations[0])
+    assert isinstance(start, Start)
+    assert float((start.trans - made.state.trans[0]).norm(dim=-1).max()) < 0.3
+
+
+def test_a_leap_of_one_keypoint_is_not_believed() -> None:
+    xy = np.tile(np.random.default_rng(0).uniform(100, 300, (1, 25, 2)), (20, 1, 1))
+    xy[8, 3] += 150.0
+    xy[9, 4] = np.nan
+    observation = Observation(xy, np.isfinite(xy).all(-1).astype(float), K, 30.0, noise_share=0.01)
+    confidence = without_jumps(observation)
+    assert confidence[8, 3] == 0
+    assert confidence[9, 4] == 0
+    assert confidence.sum() == 20 * 25 - 2
+    assert (person_size_px(observation) > 100).all()
+
+
+BENT, HIDDEN = SMPL_JOINTS.index("left_elbow"), SMPL_JOINTS.index("left_wrist")
+SPREAD_RAD, CORRELATION, MEAN_RAD = 0.3, 0.8, 0.1
+ANGLE_RAD = 0.7
+
+
+def prior_of_two() -> PosePrior:
+    """Two joints turn about z with equal spread, correlated; all else stays near rest."""
+    covariance = np.eye(69) * SPREAD_RAD**2
+    a, b = (3 * (joint - 1) + 2 for joint in (BENT, HIDDEN))
+    covariance[a, b] = covariance[b, a] = CORRELATION * SPREAD_RAD**2
+    mean = np.zeros((1, 69))
+    mean[0, [a, b]] = MEAN_RAD
+    return mixture(mean, covariance[None], np.ones(1), np.ones(24), np.ones(24))
+
+
+def terms_that_tell_one_joint() -> tuple[list[Term], MotionState]:
+    rest = torch.eye(3, dtype=torch.float64).expand(1, 1, 24, 3, 3).clone()
+    target = rest.clone()
+    target[0, 0, BENT] = exp(torch.tensor([0.0, 0.0, ANGLE_RAD], dtype=torch.float64))
+    hold = torch.zeros(1, 1, 24, dtype=torch.float64)
+    hold[..., [0, BENT]] = 1e8
+    start = MotionState.of(
+        rest,
+        torch.zeros(1, 1, 3, dtype=torch.float64),
+        torch.zeros(1, 10, dtype=torch.float64),
+        torch.ones(1, 1, dtype=torch.bool),
+    )
+    return [PosePriorTerm(prior_of_two(), 1.0), PoseCoupling(target, hold)], start
+
+
+def test_a_hidden_joint_takes_its_conditional_mean() -> None:
+    terms, start = terms_that_tell_one_joint()
+    fitted = gauss_newton(
+        terms, start, max_steps=50, relative_tolerance=1e-12, free_shape=False
+    ).state
+    turned = fitted.axis_angle[0, 0]
+    expected = MEAN_RAD + CORRELATION * (ANGLE_RAD - MEAN_RAD)
+    torch.testing.assert_close(
+        turned[HIDDEN], torch.tensor([0.0, 0.0, expected]).to(turned), atol=1e-4, rtol=0
+    )
+    others = [k for k in range(1, 24) if k not in (BENT, HIDDEN)]
+    assert turned[others].abs().max() < 1e-4
+
+
+def test_its_claimed_spread_is_the_conditional_one() -> None:
+    terms, start = terms_that_tell_one_joint()
+    fitted = gauss_newton(
+        terms, start, max_steps=50, relative_tolerance=1e-12, free_shape=False
+    ).state
+    H = linearise(terms, fitted).diagonal[0, 0, :POSE, :POSE]
+    spread = torch.linalg.inv(H)[3 * HIDDEN + 2, 3 * HIDDEN + 2].sqrt()
+    conditional = SPREAD_RAD * np.sqrt(1 - CORRELATION**2)
+    np.testing.assert_allclose(float(spread), conditional, rtol=1e-3)

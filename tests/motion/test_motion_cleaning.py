@@ -1,0 +1,212 @@
+"""Feet in contact stay where they stand, and nothing else changes."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from imocap_core.body import load_free_body
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.motion_cleaning import (
+    LockedFeet,
+    RootedMotion,
+    Span,
+    blend_offsets,
+    faded,
+    leg_to,
+    lock_feet,
+    looped,
+    shortest_arc,
+    spans_of,
+)
+
+FPS, T = 30.0, 90
+LEGS = [SMPL_JOINTS.index(f"{s}_{p}") for s in ("left", "right") for p in ("hip", "knee", "ankle")]
+FEET = [SMPL_JOINTS.index(f"{s}_{p}") for s in ("left", "right") for p in ("ankle", "foot")]
+BODY = load_free_body()
+SHAPED = BODY.shape(torch.zeros(10, dtype=torch.float64))
+
+
+def joints_of(R: np.ndarray, path: np.ndarray) -> np.ndarray:
+    return SHAPED.pose(torch.as_tensor(R), torch.as_tensor(path)).joints.numpy()
+
+
+def crouching(noise_rad: float, lift: slice | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Knees bent, feet flat on a ground at 0, legs that tremble; the left one steps aside."""
+    vectors = np.zeros((T, 24, 3))
+    for hip, knee, ankle in (LEGS[:3], LEGS[3:]):
+        vectors[:, hip, 0], vectors[:, knee, 0], vectors[:, ankle, 0] = -0.5, 0.9, -0.4
+    if lift is not None:
+        swing = np.sin(np.linspace(0, np.pi, lift.stop - lift.start))
+        vectors[lift, LEGS[0], 0] -= 0.5 * swing
+        vectors[lift, LEGS[1], 0] += 0.9 * swing
+    trembling = gaussian_filter1d(np.random.default_rng(1).normal(size=(T, 24, 3)), 6.0, axis=0)
+    vectors[:, LEGS] += noise_rad * trembling[:, LEGS]
+    R = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(T, 24, 3, 3)
+    low = joints_of(R, np.zeros((T, 3)))[:, FEET, 1].min()
+    return R, np.tile([0.0, 0.02 - low, 0.0], (T, 1))
+
+
+def locked(R: np.ndarray, path: np.ndarray) -> tuple[LockedFeet, np.ndarray, np.ndarray]:
+    before = joints_of(R, path)
+    done = lock_feet(R, before, BODY.parents, before[..., 1], FPS)
+    return done, before, joints_of(done.R_local, path)
+
+
+def test_feet_that_stand_do_not_move_at_all() -> None:
+    done, before, after = locked(*crouching(0.02))
+    assert done.contact.all()
+    assert np.abs(np.diff(before[:, FEET], axis=0)).max() > 2e-4
+    assert np.abs(np.diff(after[:, FEET], axis=0)).max() < 1e-7
+    assert np.linalg.norm(after - before, axis=-1).max() < 0.03
+    assert done.reached.all()
+
+
+def test_all_but_the_legs_stays_as_it_is() -> None:
+    R, path = crouching(0.02)
+    done, before, after = locked(R, path)
+    others = [j for j in range(24) if j not in LEGS]
+    np.testing.assert_array_equal(done.R_local[:, others], R[:, others])
+    upper = [0, *range(12, 24)]
+    np.testing.assert_allclose(after[:, upper], before[:, upper], atol=1e-12)
+
+
+def test_a_motion_with_still_feet_stays_as_it_is() -> None:
+    R, path = crouching(0.0)
+    done, _, _ = locked(R, path)
+    np.testing.assert_allclose(done.R_local, R, atol=1e-7)
+
+
+def test_a_step_is_free_and_leaves_and_comes_smoothly() -> None:
+    lift = slice(30, 60)
+    done, before, after = locked(*crouching(0.02, lift))
+    left, right = FEET[:2], FEET[2:]
+    assert not done.contact[42:48, :2].any()
+    assert done.contact[:, 2:].all()
+    assert np.abs(np.diff(after[:, right], axis=0)).max() < 1e-7
+    stands = done.contact[:, 1]
+    assert np.abs(np.diff(after[:, left[1]], axis=0)[stands]).max() < 1e-7
+    jerk = [np.abs(np.diff(x[:, left], n=2, axis=0)).max() for x in (before, after)]
+    assert jerk[1] < 2 * jerk[0]
+    middle = np.linalg.norm((after - before)[42:48, left], axis=-1)
+    assert middle.max() < 0.01
+
+
+def test_feet_in_the_air_are_not_locked() -> None:
+    R, path = crouching(0.02)
+    done, before, after = locked(R, path + [0.0, 0.5, 0.0])
+    assert not done.contact.any()
+    np.testing.assert_array_equal(after, before)
+
+
+def test_a_leg_reaches_and_keeps_its_lengths() -> None:
+    rng = np.random.default_rng(2)
+    hip, thigh, shin = rng.normal(size=(3, 50, 3))
+    knee = hip + 0.4 * thigh / np.linalg.norm(thigh, axis=1, keepdims=True)
+    ankle = knee + 0.38 * shin / np.linalg.norm(shin, axis=1, keepdims=True)
+    back = np.tile([0.0, 0.0, -1.0], (50, 1))
+    ahead = rng.normal(size=(50, 3))
+    place = hip + rng.uniform(0.1, 0.77, (50, 1)) * ahead / np.linalg.norm(ahead, axis=1)[:, None]
+    turns = leg_to(hip, knee, ankle, place, back)
+    bent = hip + np.einsum("tij,tj->ti", turns.thigh, knee - hip)
+    end = bent + np.einsum("tij,tj->ti", turns.shin, ankle - knee)
+    np.testing.assert_allclose(end, place, atol=1e-7)
+    assert turns.reached.all()
+    same = leg_to(hip, knee, ankle, ankle, back)
+    np.testing.assert_allclose(same.thigh, np.tile(np.eye(3), (50, 1, 1)), atol=1e-7)
+    np.testing.assert_allclose(same.shin, np.tile(np.eye(3), (50, 1, 1)), atol=1e-6)
+    far = leg_to(hip, knee, ankle, hip + 2 * (place - hip) + (place - hip), back)
+    assert far.reached.sum() == (3 * np.linalg.norm(place - hip, axis=1) < 0.78).sum()
+
+
+def test_the_shortest_arc_is_the_smallest_turn() -> None:
+    a, b = np.random.default_rng(3).normal(size=(2, 20, 3))
+    R = shortest_arc(a, b)
+    unit_a, unit_b = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (a, b))
+    np.testing.assert_allclose(np.einsum("tij,tj->ti", R, unit_a), unit_b, atol=1e-12)
+    angle = np.arccos((unit_a * unit_b).sum(1))
+    np.testing.assert_allclose(Rotation.from_matrix(R).magnitude(), angle, atol=1e-7)
+
+
+def test_short_gaps_are_closed_and_short_contacts_left_out() -> None:
+    contact = np.zeros(60, dtype=bool)
+    contact[[*range(5, 20), *range(21, 30), *range(50, 53)]] = True
+    path = np.zeros((61, 3))
+    assert spans_of(contact, path, FPS) == [Span(5, 30)]
+    path[:8, 0] = 0.05  # not yet where it stands
+    assert spans_of(contact, path, FPS) == [Span(8, 30)]
+    assert spans_of(np.zeros(60, dtype=bool), path, FPS) == []
+
+
+@pytest.mark.parametrize("fade", [1, 5, 40])
+def test_a_correction_fades_to_nothing(fade: int) -> None:
+    anchored = np.zeros(40, dtype=bool)
+    anchored[15:20] = True
+    filled = faded(np.where(anchored[:, None], [2.0, -1.0], 7.0), anchored, fade)
+    np.testing.assert_array_equal(filled[anchored], [[2.0, -1.0]] * 5)
+    assert np.all(np.diff(filled[:, 0])[19:] <= 0)
+    beyond = np.abs(np.arange(40) - 17) >= 2 + fade
+    np.testing.assert_array_equal(filled[beyond], 0)
+
+
+LOOP_FRAMES, LOOP_FPS = 120, 30.0
+
+
+def made() -> RootedMotion:
+    rng = np.random.default_rng(5)
+    vectors = 4 * gaussian_filter1d(rng.normal(size=(LOOP_FRAMES, 6, 3)), 8.0, axis=0)
+    R = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(LOOP_FRAMES, 6, 3, 3)
+    turning = np.linspace(0.3, 1.5, LOOP_FRAMES)[:, None] * [0.0, 1.0, 0.0]
+    R[:, 0] = Rotation.from_rotvec(turning).as_matrix() @ R[:, 0]
+    return RootedMotion(
+        R, np.cumsum(0.02 * rng.normal(size=(LOOP_FRAMES, 3)), axis=0) + [1.0, 0.9, 3.0]
+    )
+
+
+def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    between = np.swapaxes(a, -1, -2) @ b
+    return Rotation.from_matrix(between.reshape(-1, 3, 3)).magnitude()
+
+
+@pytest.mark.parametrize("in_place", [False, True])
+def test_the_last_pose_is_the_first_but_for_place_and_heading(in_place: bool) -> None:
+    before = made()
+    after = looped(before, LOOP_FPS, in_place)
+    assert apart(before.R_local[0, 1:], before.R_local[-1, 1:]).max() > 0.2
+    assert apart(after.R_local[0, 1:], after.R_local[-1, 1:]).max() < 1e-7
+    advance = after.R_local[-1, 0] @ after.R_local[0, 0].T
+    np.testing.assert_allclose(advance @ [0, 1, 0], [0, 1, 0], atol=1e-9)
+    moved = after.pelvis[-1] - after.pelvis[0]
+    assert moved[1] == pytest.approx(0, abs=1e-12)
+    if in_place:
+        np.testing.assert_allclose(moved, 0, atol=1e-12)
+        np.testing.assert_allclose(advance, np.eye(3), atol=1e-9)
+    else:
+        expected = (before.pelvis[-1] - before.pelvis[0])[[0, 2]]
+        np.testing.assert_allclose(moved[[0, 2]], expected, atol=1e-12)
+
+
+def test_what_is_not_near_the_ends_stays_as_it_is() -> None:
+    before = made()
+    after = looped(before, LOOP_FPS, in_place=False)
+    middle = slice(15, LOOP_FRAMES - 15)
+    np.testing.assert_allclose(after.R_local[middle], before.R_local[middle], atol=1e-12)
+    np.testing.assert_allclose(after.pelvis[middle], before.pelvis[middle], atol=1e-12)
+
+
+def test_speeds_agree_where_it_is_joined() -> None:
+    values = np.stack(
+        [np.linspace(0, 1, LOOP_FRAMES) ** 2, np.sin(np.linspace(0, 5, LOOP_FRAMES))], axis=1
+    )
+    closed = values + blend_offsets(values, 30)
+    np.testing.assert_allclose(closed[-1], closed[0], atol=1e-12)
+    jump = np.abs((closed[1] - closed[0]) - (closed[-1] - closed[-2]))
+    was = np.abs((values[1] - values[0]) - (values[-1] - values[-2]))
+    assert np.all(jump < 0.2 * was)
+
+
+def test_a_short_clip_is_joined_too() -> None:
+    short = RootedMotion(made().R_local[:4], made().pelvis[:4])
+    after = looped(short, LOOP_FPS, in_place=True)
+    assert apart(after.R_local[0], after.R_local[-1]).max() < 1e-7

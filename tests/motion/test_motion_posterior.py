@@ -1,0 +1,238 @@
+"""Posteriors against dense inverses, numeric derivatives and made truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from imocap_core.motion.gauss_newton import linearise
+from imocap_core.motion.motion_posterior import (
+    CommonEvidence,
+    CommonPosterior,
+    PerVideoFit,
+    PosteriorPiece,
+    common_evidence,
+    common_posterior,
+    motion_posterior,
+    nearest_reference,
+    per_video_fits,
+    per_video_posterior,
+    with_common_motion,
+)
+from imocap_core.motion.multiview.per_video import per_video_terms
+from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.posterior_noise import Noise, joint_jacobian, vector_covariance
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.terms import Reprojection
+from imocap_core.motion.terms.base import Tempered
+from imocap_core.params import UncertaintyParams
+from imocap_core.rotations import log
+from tests.motion.made import FRAMES, TURNS_DEG, Made, mpjpe_mm, result_at, scene
+from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
+
+# Made noise is independent from frame to frame.
+WHITE = Noise(UncertaintyParams(correlation_s=1 / 30, pose_persistence_s=1 / 30))
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5), noise_px=3.0)
+
+
+@pytest.fixture(scope="module")
+def given(made: Made) -> tuple[Scene, JointMotion]:
+    """A scene and its result."""
+    all_ = whole(made)
+    return all_, recover_motion(all_, disturbed(in_own_axes(made), 0.05), OPTIONS)
+
+
+def few(made: Made, frames: int) -> tuple[Scene, MotionState]:
+    """The first frames of the reference alone."""
+    o = replace(
+        made.observations[0],
+        xy_px=made.observations[0].xy_px[:frames],
+        confidence=made.observations[0].confidence[:frames],
+    )
+    state = in_own_axes(made).of_motion(0, frames)
+    return replace(whole(made), observations=[o]), state
+
+
+def posterior_of(fit: PerVideoFit) -> tuple[PosteriorPiece, Tensor]:
+    """Of all its frames, which are one piece, and the information about the shape."""
+    (piece,), schur = per_video_posterior(fit, lambda piece: piece)
+    return piece, schur
+
+
+def dense(normal: NormalEquations) -> Tensor:
+    """The whole normal matrix of one motion: frames first, then globals."""
+    _, frames, n, m = normal.border.shape
+    H = torch.zeros(frames * n + m, frames * n + m, dtype=torch.float64)
+    for step, blocks in enumerate((normal.diagonal, normal.next1, normal.next2)):
+        for t in range(frames - step):
+            a, b = slice(t * n, t * n + n), slice((t + step) * n, (t + step + 1) * n)
+            H[a, b] = blocks[0, t]
+            H[b, a] = blocks[0, t].T
+    side = normal.border[0].reshape(-1, m)
+    H[: frames * n, frames * n :], H[frames * n :, : frames * n] = side, side.T
+    H[frames * n :, frames * n :] = normal.corner[0]
+    return H
+
+
+def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
+    frames = 4
+    one, state = few(made, frames)
+    honest = WHITE.scene(one, 1)
+    own, schur = posterior_of(per_video_fits(honest, state, None, OPTIONS, WHITE)[0])
+    by_frame, by_shape = joint_jacobian(made.body, state)
+    claim = vector_covariance(by_frame, by_shape, own.given_shape, own.response)
+    found = claim.covariance(torch.linalg.inv(schur))
+    inverse = torch.linalg.inv(dense(linearise(per_video_terms(honest, state.trans), state)))
+    for t in range(frames):
+        at = [*range(t * FRAME_UNKNOWNS, (t + 1) * FRAME_UNKNOWNS), *range(-10, 0)]
+        C = inverse[at][:, at]
+        rows = torch.cat([by_frame[t], by_shape[t]], -1)
+        expected = rows @ C @ rows.mT
+        torch.testing.assert_close(found[t], expected, rtol=0.0, atol=1e-5 * float(expected.max()))
+
+
+def test_the_gain_is_what_a_displaced_common_motion_does(given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    evidence = common_evidence(all_, result, OPTIONS)
+    own, _ = posterior_of(
+        per_video_fits(WHITE.scene(all_, 3), result.state, evidence, OPTIONS, WHITE)[1]
+    )
+    size = torch.linalg.eigvals(own.gain).abs()
+    assert float(size.max()) < 1.3  # follows, never overshoots by much
+    elbow = own.gain[FRAMES // 2, 3 * 18 : 3 * 18 + 3, 3 * 18 : 3 * 18 + 3]
+    assert 0.05 < float(elbow.trace()) / 3 < 1.0
+    still, _ = posterior_of(
+        per_video_fits(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1]
+    )
+    assert float(still.gain.abs().max()) == 0.0
+    drop = torch.linalg.eigvalsh(still.given_shape - own.given_shape)
+    assert float(drop.min()) > -1e-8  # to know the common motion never hurts
+
+
+def test_the_gain_follows_the_whole_of_the_coupling(given: tuple[Scene, JointMotion]) -> None:
+    """A persistent displacement of the common motion pulls every frame by the coupling's matrix, by
+    which the rotations of a limb's joints belong together."""
+    all_, result = given
+    evidence = common_evidence(all_, result, OPTIONS)
+    fit = per_video_fits(WHITE.scene(all_, 3), result.state, evidence, OPTIONS, WHITE)[1]
+    own, _ = posterior_of(fit)
+    frames = fit.state.valid.shape[1] * FRAME_UNKNOWNS
+    H = dense(linearise(fit.terms, fit.state))[:frames, :frames]
+    pull = linearise(fit.couplings, fit.state).diagonal[0]
+    expected = torch.linalg.solve(H, pull.flatten(0, 1)).unflatten(0, (-1, FRAME_UNKNOWNS))
+    torch.testing.assert_close(own.gain, expected, rtol=0.0, atol=1e-6)
+    elbow, shoulder = slice(3 * 18, 3 * 18 + 3), slice(3 * 16, 3 * 16 + 3)
+    assert float(pull[:, elbow, shoulder].abs().max()) > 0.1 * float(pull[:, elbow, elbow].max())
+
+
+def test_the_covariance_in_camera_axes_is_the_numeric_derivative(
+    given: tuple[Scene, JointMotion],
+) -> None:
+    all_, result = given
+    evidence = common_evidence(all_, result, OPTIONS)
+    posterior = common_posterior(WHITE.scene(all_, 1), evidence, WHITE)
+    motion, v, step = posterior.evidence.motion, 2, 1e-6
+    size = motion.unknown_globals
+    for k in range(10, size):
+        one_hot = torch.zeros(size, dtype=torch.float64)
+        one_hot[k] = 1.0
+        lone: CommonPosterior = replace(
+            posterior,
+            given_globals=torch.zeros_like(posterior.given_globals),
+            response=torch.zeros_like(posterior.response),
+            globals_=one_hot[:, None] * one_hot,
+        )
+        moved = motion.retract(
+            torch.zeros(1, FRAMES, FRAME_UNKNOWNS, dtype=torch.float64), step * one_hot[None]
+        )
+        before, after = (_in_camera(m, posterior.free.index(v)) for m in (motion, moved))
+        turn = log(before[0].mT @ after[0]) / step
+        shift = (after[1] - before[1]) / step
+        column = torch.cat([turn, shift], -1)
+        seen = lone.in_camera_axes(v)
+        rows = [0, 1, 2, 72, 73, 74]
+        expected = column[:, :, None] * column[:, None]
+        assert torch.allclose(seen[:, rows][:, :, rows], expected, atol=1e-4)
+
+
+def _in_camera(motion: MotionState, camera: int) -> tuple[Tensor, Tensor]:
+    """Root orientation (N, 3, 3) and path (N, 3) in a free camera's axes."""
+    R, t = motion.camera_R[0, camera], motion.camera_t[0, camera]
+    return R @ motion.R_local[0, :, 0], motion.trans[0] @ R.T + t
+
+
+def evidence_at_truth(made: Made) -> CommonEvidence:
+    """The evidence for the true motions' mean, its spread estimated."""
+    result = result_at(in_own_axes(made), made.cameras())
+    return common_evidence(whole(made), with_common_motion(whole(made), result, OPTIONS), OPTIONS)
+
+
+def test_without_a_common_motion_one_is_fitted(made: Made) -> None:
+    evidence = evidence_at_truth(made)
+    assert mpjpe_mm(made.body, evidence.motion, made.state) < 25.0
+    with pytest.raises(ValueError, match="common motion"):
+        common_evidence(whole(made), result_at(in_own_axes(made), made.cameras()), OPTIONS)
+
+
+def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> None:
+    posterior = common_posterior(WHITE.scene(whole(made), 1), evidence_at_truth(made), WHITE)
+    motion = posterior.evidence.motion
+    inverse = torch.linalg.inv(dense(linearise(posterior.terms, motion)))
+    expected = torch.stack(
+        [
+            inverse[t * FRAME_UNKNOWNS :, t * FRAME_UNKNOWNS :][:FRAME_UNKNOWNS, :FRAME_UNKNOWNS]
+            for t in range(FRAMES)
+        ]
+    )
+    found = posterior.in_camera_axes(0)  # the reference: the world's axes
+    scale = expected.diagonal(dim1=-2, dim2=-1).sqrt()
+    error = (found - expected).abs() / (scale[:, :, None] * scale[:, None])
+    assert float(error.max()) < 1e-3
+
+
+def test_claims_are_honest_on_a_made_scene(made: Made, given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    found = motion_posterior(all_, result, OPTIONS, WHITE)
+    joints, true = (
+        made.body.positions(made.body.joints, s).xyz.numpy()
+        for s in (result.state, in_own_axes(made))
+    )
+    joints, true = (x - x[:, :, 1:3].mean(2, keepdims=True) for x in (joints, true))
+    sigma = np.sqrt(np.einsum("vtjxx->vtj", np.stack(found.covariances_m2)))
+    seen = [4, 5, 7, 8, 16, 17, 18, 19, 20, 21]  # knees, ankles, arms
+    ratio = np.linalg.norm(joints - true, axis=-1)[..., seen] / sigma[..., seen]
+    assert 0.4 < float(np.sqrt((ratio**2).mean())) < 2.0
+
+
+def test_persistent_errors_count_less(given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    slow = Noise(replace(WHITE.params, correlation_s=0.3))
+    pairs = [
+        motion_posterior(all_, result, OPTIONS, noise).covariances_m2[0] for noise in (WHITE, slow)
+    ]
+    narrow, wide = (np.einsum("tjxx->", x) for x in pairs)
+    assert 1.3 < wide / narrow < 9.0
+
+
+def test_a_tempered_term_is_its_share(made: Made) -> None:
+    one, state = few(made, 3)
+    term = per_video_terms(one, state.trans)[0]
+    assert isinstance(term, Reprojection)
+    whole_, part = (linearise([t], state) for t in (term, Tempered(term, 0.25)))
+    assert torch.allclose(part.diagonal, 0.25 * whole_.diagonal)
+    assert torch.allclose(part.border, 0.25 * whole_.border)
+    assert torch.allclose(Tempered(term, 0.25).cost(state), 0.25 * term.cost(state))
+
+
+def test_frames_without_a_match_take_their_neighbours_place() -> None:
+    at = nearest_reference(np.array([np.nan, 2.2, np.nan, 6.6, np.nan]), 7)
+    assert at.tolist() == [2, 2, 4, 6, 6]
+    assert nearest_reference(np.full(3, np.nan), 7).tolist() == [0, 0, 0]

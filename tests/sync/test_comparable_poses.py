@@ -1,0 +1,193 @@
+"""Which frames have a counterpart: stillness is no evidence against one, other content is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from imocap_core.sync.affinity import distance_matrix
+from imocap_core.sync.comparable_poses import (
+    mean_of_known,
+    of_one_amplitude,
+    picture_heights,
+    pose_change,
+    spread_over,
+    squared_differences,
+    vertical_motion,
+)
+from imocap_core.sync.evidence import SyncEvidence
+from imocap_core.sync.synchronise import synchronise
+from imocap_core.sync.warp.soft_maps import evidence_of_match
+from tests.sync.test_synchronise import FPS, PARAMS, pose_at, run
+
+OPTIONS = {"matched_square": 0.002, "level": 1.0, "observations": 0.5}
+
+
+def standing_first(phase: np.ndarray, rng: np.random.Generator, error_m: float) -> np.ndarray:
+    """An estimate of a performer who stands still while the phase is below 0; standing, it errs by
+    a pose of its own, as long as that lasts."""
+    pose = pose_at(np.maximum(phase, 0.0)) + 0.02 * rng.normal(size=(len(phase), 12, 3))
+    share = np.clip(1.0 - phase / 0.5, 0.0, 1.0)[:, None, None]
+    turn = Rotation.random(random_state=int(rng.integers(1000))).as_matrix()
+    return np.asarray((pose + share * error_m * rng.normal(size=(12, 3))) @ turn)
+
+
+@pytest.mark.parametrize("error_m", [0.03, 0.08, 0.12])
+def test_a_performer_who_stands_still_is_matched_however_wrong_the_pose(error_m: float) -> None:
+    rng = np.random.default_rng(1)
+    phases = [np.arange(-3 - 0.3 * v, 3, (1 + 0.1 * v) / FPS) for v in range(3)]
+    videos = [standing_first(p, rng, error_m) for p in phases]
+    result = run(videos, replace(PARAMS, max_rate=32.0), reference=0)
+    for phase, frames in zip(phases[1:], result.reference_frame[1:], strict=True):
+        assert np.isfinite(frames[phase < 0]).mean() > 0.9
+        assert np.isfinite(frames[phase >= 0]).all()
+
+
+def test_a_video_that_stands_before_the_others_begin_is_unmatched_there() -> None:
+    rng = np.random.default_rng(2)
+    phases = [np.arange(s, 4, 1 / FPS) for s in (0.0, -3.0, 0.1)]
+    videos = [standing_first(p, rng, 0.03) for p in phases]
+    result = run(videos, replace(PARAMS, max_rate=32.0), reference=0)
+    early = phases[1] < -0.3
+    assert np.isnan(result.reference_frame[1][early]).mean() > 0.9
+    assert result.confidence[1][early].mean() < 0.1
+    assert np.isfinite(result.reference_frame[1][phases[1] > 0.2]).all()
+
+
+def test_a_nearer_pose_is_more_evidence() -> None:
+    nearest = np.linspace(0.0, 0.05, 50)
+    ratio = evidence_of_match(nearest, np.full(50, 0.01), **OPTIONS)
+    assert (np.diff(ratio) < 0).all()
+    assert ratio[0] > 0 > ratio[-1]
+
+
+def test_a_still_pose_says_nothing_against_a_match_and_a_moving_one_says_all() -> None:
+    far = np.full(3, 0.1)
+    still, slow, moving = evidence_of_match(far, np.array([0.0, 0.0005, 1.0]), **OPTIONS)
+    assert still > 0 > slow > moving
+    near = evidence_of_match(np.full(2, 0.001), np.array([0.0, 1.0]), **OPTIONS)
+    assert near[0] == near[1] > 0
+
+
+def test_at_an_infinite_level_every_frame_has_a_counterpart() -> None:
+    ratio = evidence_of_match(np.full(3, 9.0), np.ones(3), **(OPTIONS | {"level": np.inf}))
+    assert (ratio == np.inf).all()
+
+
+def test_the_change_of_a_pose_ignores_where_the_body_is_and_turns() -> None:
+    phase = np.arange(0, 4, 1 / FPS)
+    still = np.repeat(pose_at(np.zeros(1)), len(phase), axis=0)
+    weights = np.ones(still.shape[:2])
+    turn = Rotation.from_rotvec(np.array([0.0, 0.0, 0.5])).as_matrix()
+    moved = still @ turn + np.array([1.0, 2.0, 3.0])
+    both = np.concatenate([still[:60], moved[60:]])
+    assert pose_change(still, weights, FPS).max() < 1e-9
+    away = np.abs(np.arange(len(phase)) - 60) > 16
+    assert pose_change(both, weights, FPS)[away].max() < 1e-9
+    moving = pose_at(phase)
+    change = pose_change(moving, weights, FPS)
+    assert change.min() > 0.001
+    np.testing.assert_allclose(change, pose_change(moving @ turn + 5.0, weights, FPS), atol=1e-9)
+
+
+def test_joints_that_are_missing_change_nothing() -> None:
+    moving = pose_at(np.arange(0, 3, 1 / FPS))
+    weights = np.ones(moving.shape[:2])
+    weights[:, 4] = 0.0
+    gone = moving.copy()
+    gone[:, 4] = np.nan
+    changed = moving.copy()
+    changed[:, 4] += 7.0
+    np.testing.assert_allclose(
+        pose_change(gone, weights, FPS), pose_change(changed, weights, FPS), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 10])
+def test_short_videos_have_a_change(frames: int) -> None:
+    change = pose_change(pose_at(np.arange(frames) / FPS), np.ones((frames, 12)), FPS)
+    assert change.shape == (frames,)
+    assert not np.isnan(change).any()
+
+
+TRUNK = (0, 1, 2, 3)
+
+
+def jumps(T: int, offset_s: float, height_m: float = 0.15) -> np.ndarray:
+    """Height (T,) of somebody who jumps twice a second."""
+    return height_m * np.sin(4 * np.pi * (np.arange(T) / FPS - offset_s))
+
+
+def still_poses(T: int, seed: int) -> np.ndarray:
+    """A pose that only an estimator's errors change, (T, 6, 3) metres."""
+    pose = np.random.default_rng(0).normal(scale=0.3, size=(6, 3))
+    return pose + np.random.default_rng(seed).normal(scale=0.01, size=(T, 6, 3))
+
+
+def test_landings_fall_on_landings_where_the_pose_does_not_change() -> None:
+    T, late_s = 75, 0.2
+    poses = [still_poses(T, 1), still_poses(T, 2)]
+    heights = [jumps(T, 0.0), jumps(T, late_s, 0.25)]
+    evidence = SyncEvidence(poses, [FPS] * 2, heights=heights, reference=0)
+    sync = synchronise(evidence, replace(PARAMS, outliers="ignore"), np.random.default_rng(0))
+    there = jumps(T, 0.0)[np.rint(sync.reference_frame[1][10:65]).astype(int)]
+    assert np.corrcoef(there, heights[1][10:65])[0, 1] > 0.95
+
+
+def test_heights_in_metres_whatever_the_size_in_the_picture() -> None:
+    T = 40
+    poses, height = still_poses(T, 1), jumps(T, 0.0)
+    for focal in (200.0, 700.0):
+        xy = focal * (poses[..., :2] - np.array([0.0, 1.0]) * height[:, None, None])
+        found = picture_heights(xy, np.ones((T, 6)), poses, TRUNK, FPS)
+        found = found + poses[:, :4, 1].mean(axis=1)  # without the pose's own change
+        assert np.corrcoef(found, height)[0, 1] > 0.999
+        assert np.ptp(found) == pytest.approx(np.ptp(height), rel=0.03)
+
+
+def test_heights_without_size_or_trunk_are_unknown() -> None:
+    poses, weight = still_poses(5, 1), np.ones((5, 6))
+    weight[2, 0] = 0.0
+    xy = 100.0 * poses[..., :2]
+    assert np.isnan(picture_heights(xy, weight, poses, TRUNK, FPS)).tolist() == [0, 0, 1, 0, 0]
+    assert np.isnan(picture_heights(0.0 * xy, weight, poses, TRUNK, FPS)).all()
+
+
+def test_a_drifting_camera_is_no_vertical_motion() -> None:
+    time_s = np.arange(300) / FPS
+    drift, jumping = 0.3 * np.sin(2 * np.pi * time_s / 20.0), jumps(300, 0.0)
+    moved = vertical_motion(jumping + drift, FPS)
+    inside = slice(15, -15)
+    assert np.abs(moved - jumping)[inside].max() < 0.2 * np.abs(jumping).max()
+
+
+def test_who_stays_on_the_ground_changes_no_distance() -> None:
+    poses = [still_poses(60, 1), still_poses(60, 2)]
+    plain = distance_matrix(poses, None, None, [FPS] * 2, PARAMS)
+    noise = [np.random.default_rng(v).normal(scale=0.01, size=60) for v in (3, 4)]
+    still = distance_matrix(poses, None, None, [FPS] * 2, PARAMS, heights=noise)
+    one_jumps = [jumps(60, 0.0), noise[1]]
+    jumping = distance_matrix(poses, None, None, [FPS] * 2, PARAMS, heights=one_jumps)
+    unknown = distance_matrix(
+        poses, None, None, [FPS] * 2, PARAMS, heights=[np.full(60, np.nan)] * 2
+    )
+    least = PARAMS.least_difference_m**2
+    np.testing.assert_array_equal(unknown.block(0, 1), plain.block(0, 1))
+    for distances in (still, jumping):
+        assert np.abs(distances.block(0, 1) - plain.block(0, 1)).mean() < 0.05 * least
+
+
+def test_all_videos_get_the_smallest_amplitude() -> None:
+    motions = of_one_amplitude([jumps(90, 0.0, 0.4), jumps(90, 0.1, 0.2)], 0.04)
+    tops = [np.abs(m).max() for m in motions]
+    assert tops[0] == pytest.approx(tops[1], rel=0.02)
+    assert 0.19 < tops[0] < 0.2
+
+
+def test_differences_and_means_of_what_is_known() -> None:
+    a, b = np.array([0.0, np.nan]), np.array([3.0, 4.0])
+    np.testing.assert_array_equal(squared_differences(a, b), [[9.0, 16.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(mean_of_known([a, b])[:1], [1.5])
+    assert mean_of_known([a, a * np.nan])[1:].tolist() == pytest.approx([np.nan], nan_ok=True)
+    np.testing.assert_allclose(spread_over(np.array([0.0, 1.0]), None, 4), [0, 0.25, 0.5, 0.75, 1])

@@ -1,0 +1,149 @@
+"""The pages of the documentation: linked to each other rightly, all of them in the site."""
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+from typer.main import get_command
+
+import imocap
+from imocap_core.cli.app import app
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+MKDOCS = shutil.which("mkdocs", path=f"{ROOT / '.venv-docs' / 'bin'}{os.pathsep}{os.defpath}")
+
+FOLDERS = "imocap|imocap_core|stages|benchmarks|tests|tools|docs|examples"
+GUIDE = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")])
+
+
+@pytest.fixture(scope="module")
+def hooks() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("docs_hooks", ROOT / "tools" / "docs_hooks.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def pages(nav: Any) -> list[str]:
+    if isinstance(nav, str):
+        return [nav]
+    parts = nav.values() if isinstance(nav, dict) else nav
+    return [page for part in parts for page in pages(part)]
+
+
+def test_every_page_has_its_place_in_the_site(hooks: ModuleType) -> None:
+    listed = pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
+    there = {p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")}
+    from_root = set(hooks.FROM_ROOT.values())
+    assert set(listed) == there | from_root, "name every page in mkdocs.yml, under nav"
+    assert len(listed) == len(set(listed))
+
+
+def test_every_link_leads_to_a_file() -> None:
+    broken = []
+    at_the_top = [*ROOT.glob("*.md"), *ROOT.glob("actions/*.md"), *ROOT.glob("artifacts/*.md")]
+    for file in [*at_the_top, *DOCS.rglob("*.md")]:
+        text = re.sub(r"```.*?```|`[^`]*`", "", file.read_text(encoding="utf-8"), flags=re.S)
+        for target in re.findall(r"\]\(([^)\s]+)\)", text):
+            path = target.partition("#")[0]
+            if "://" not in target and path and not (file.parent / path).exists():
+                broken.append(f"{file.relative_to(ROOT)}: {target}")
+    assert broken == []
+
+
+def is_module(path: str) -> bool:
+    return (ROOT / path / "__init__.py").is_file() or (ROOT / f"{path}.py").is_file()
+
+
+@pytest.mark.parametrize("file", GUIDE, ids=lambda file: str(file.relative_to(ROOT)))
+def test_every_file_and_module_that_a_page_names_exists(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    named = set(re.findall(rf"`((?:{FOLDERS})/[\w/.-]+)`", text))
+    modules = {name.replace(".", "/") for name in re.findall(r"`(imocap_core(?:\.\w+)+)`", text)}
+    missing = {name for name in named if not (ROOT / name).exists()}
+    missing |= {m for m in modules if not is_module(m) and not is_module(m.rpartition("/")[0])}
+    assert missing == set()
+
+
+def test_every_command_that_a_page_names_exists() -> None:
+    commands = set(get_command(app).commands)  # type: ignore[attr-defined]
+    missing = {
+        f"{file.relative_to(ROOT)}: imocap {word}"
+        for file in GUIDE
+        for word in re.findall(r"(?:^|`|bin/)imocap ([a-z][\w-]*)", file.read_text(), flags=re.M)
+        if word not in commands
+    }
+    assert missing == set()
+
+
+def test_every_public_name_is_on_the_page_of_the_library() -> None:
+    page = (DOCS / "library.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"(?:^::: |`)imocap\.(\w+)", page, flags=re.M))
+    assert named == set(imocap.__all__)
+
+
+def test_links_out_of_the_pages_become_text(hooks: ModuleType) -> None:
+    text = "[a](../pipeline.yaml), [R](../README.md#y), [b](sync.md#x), [`c`](../stages/a.py)"
+    assert hooks.within_site(text, 0) == "a, [R](readme.md#y), [b](sync.md#x), `c`"
+    assert hooks.within_site("[a](../sync.md) [b](../../LICENSE)", 1) == "[a](../sync.md) b"
+
+
+def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) -> None:
+    text = "![p](docs/images/a.png) [s](docs/sync.md) [l](LICENSE) [w](https://e.org) [x](#limits)"
+    moved = hooks.moved_into_docs(text)
+    assert moved == (
+        "![p](images/a.png) [s](sync.md) [l](../LICENSE) [w](https://e.org) [x](#limits)"
+    )
+    assert hooks.within_site(moved, 0).split()[2] == "l"
+    moved = hooks.moved_into_docs("[c](CONTRIBUTING.md) [d](docs/decisions.md)")
+    assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions.md)"
+
+
+def test_viewers_take_the_place_of_their_pictures_where_they_were_made(
+    hooks: ModuleType, tmp_path: Path
+) -> None:
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert hooks.with_viewers(text, tmp_path) == text  # pictures, as in the repository
+    (tmp_path / "yoga.html").write_bytes(b"a" * 1_250_000)
+    framed = hooks.with_viewers(text, tmp_path)
+    assert '<iframe src="gallery/yoga.html"' in framed
+    assert "(1.2 MB)" in framed
+    assert "images/viewer.png" not in framed
+    assert framed.count("images/") == text.count("images/") - 1
+
+
+def test_the_citation_file_names_the_project_and_the_paper() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {"cff-version", "message", "title", "authors"} <= set(citation)  # required
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["version"] == project["version"]
+    assert citation["license"] == project["license"]
+    assert [a["name"] for a in citation["authors"]] == [a["name"] for a in project["authors"]]
+    (paper,) = citation["references"]
+    assert {"type", "title", "authors"} <= set(paper)
+    assert len(paper["authors"]) == 6
+
+
+@pytest.mark.skipif(MKDOCS is None, reason="no mkdocs; make docs installs it in .venv-docs")
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    assert MKDOCS is not None
+    done = subprocess.run(
+        [MKDOCS, "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "site" / "tutorial.html").is_file()

@@ -1,0 +1,69 @@
+"""What `make` installs is pinned, with hashes and a licence; nothing here asks the network."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LOCKED = (ROOT / "locked.txt").read_text()
+
+
+def tool(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def pins(text: str) -> dict[str, str]:
+    found = tool("make_licence_table").PIN.findall(text)
+    return {re.sub("[_.]", "-", name).lower(): version for name, version in found}
+
+
+def test_every_constraint_but_torch_is_locked() -> None:
+    constraints = pins((ROOT / "constraints.txt").read_text())
+    del constraints["torch"]
+    assert constraints.items() <= pins(LOCKED).items(), "run: python tools/lock.py"
+
+
+def test_every_locked_package_has_hashes() -> None:
+    blocks = re.split(r"\n(?=[a-z])", LOCKED[LOCKED.index("annotated-doc") :])
+    assert len(blocks) == len(pins(LOCKED))
+    assert all("--hash=sha256:" in block for block in blocks)
+    assert "://" not in LOCKED
+
+
+def test_every_package_has_its_version_and_licence_on_the_page() -> None:
+    made = tool("make_licence_table")
+    rows = made.rows_of((ROOT / "docs" / "licences.md").read_text())
+    versions = {name: version for name, (version, _) in rows.items()}
+    assert versions == made.pins_of(ROOT), "run: python tools/make_licence_table.py"
+    assert not [name for name, (_, licence) in rows.items() if licence == "not declared"]
+
+
+@pytest.mark.parametrize(
+    ("dependencies", "line", "code"),
+    [
+        ([{"name": "a", "version": "1", "vulns": []}], "known of 1 packages", 0),
+        (
+            [{"name": "a", "version": "1", "vulns": []}, {"name": "b", "skip_reason": "?"}],
+            "1 of 2",
+            2,
+        ),
+        ([], "only 0 of 0", 2),
+        (
+            [{"name": "a", "version": "1", "vulns": [{"id": "CVE-1", "fix_versions": ["2"]}]}],
+            "a 1: CVE-1, mended in 2",
+            1,
+        ),
+    ],
+)
+def test_an_audit_that_was_not_made_is_no_success(
+    dependencies: list[dict[str, object]], line: str, code: int
+) -> None:
+    lines, exit_code = tool("audit").outcome(dependencies)
+    assert line in lines[0]
+    assert exit_code == code

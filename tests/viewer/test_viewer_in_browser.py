@@ -1,0 +1,418 @@
+"""The viewer in a real headless Chromium: it loads, plays, obeys, and shows something."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from imocap_core.figures.style import VIDEO_COLORS
+from tests.report.browser import CHROMIUM, Browser
+from tests.report.made import Made
+from tests.report.viewed import Page, page_of, write_clip
+from tests.viewer.test_viewer import skinned
+
+CONTRAST = Path(__file__).parents[1] / "pick" / "contrast.js"
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+
+
+@pytest.fixture(scope="module")
+def page(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    folder = tmp_path_factory.mktemp("clips")
+    return page_of(made, files={"v1": write_clip(folder / "v1.mp4", 16)})
+
+
+@pytest.fixture(scope="module")
+def browser(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    folder = tmp_path_factory.mktemp("browser")
+    file = folder / "viewer with spaces.html"
+    file.write_text(page.text, encoding="utf-8")
+    with Browser(folder / "profile", 900, 600) as found:
+        found.open(file)
+        found.wait("window.imocap !== undefined || !document.getElementById('trouble').hidden")
+        yield found
+        assert found.errors == []
+
+
+def picture(browser: Browser) -> np.ndarray:
+    """The scene as shown, BGR."""
+    browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+    found = cv2.imdecode(np.frombuffer(browser.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    x, y, width, height = browser.value(
+        "(() => { const r = document.getElementById('stage').getBoundingClientRect();"
+        "return [r.x, r.y, r.width, r.height].map(Math.round); })()"
+    )
+    return found[y : y + height, x : x + width]
+
+
+def state(browser: Browser, name: str) -> object:
+    return browser.value(f"imocap.act.state.{name}")
+
+
+def test_it_loads_without_complaint(browser: Browser) -> None:
+    assert browser.value("document.getElementById('trouble').hidden"), browser.value(
+        "document.getElementById('trouble').textContent"
+    )
+    assert browser.value("document.getElementById('name').textContent") == "waving"
+    assert browser.value("document.querySelectorAll('.card').length") == 3
+    assert browser.errors == []
+
+
+def test_the_scene_is_not_blank(browser: Browser) -> None:
+    browser.value("imocap.act.fit(0)")
+    shown = picture(browser)
+    assert shown.std() > 10
+    middle = shown[shown.shape[0] // 3 : -shown.shape[0] // 4].reshape(-1, 3).astype(float)
+    colourful = middle.max(axis=1) - middle.min(axis=1) > 40
+    assert 0.01 < colourful.mean() < 0.9, "bodies stand out from the grey ground"
+
+
+def test_it_opens_at_the_first_moment_that_all_videos_share(browser: Browser) -> None:
+    """The third video starts four frames late."""
+    assert state(browser, "phase") == pytest.approx(4 / 30)
+    assert "before the clip" not in browser.value("document.getElementById('cards').innerText")
+
+
+def test_time_moves_while_it_plays_and_rests_when_told(browser: Browser) -> None:
+    browser.value("imocap.act.seek(0)")
+    browser.key(" ")
+    browser.wait("imocap.act.state.phase > 0.05")
+    browser.key(" ")
+    browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+    before = state(browser, "phase")
+    browser.value("new Promise(r => setTimeout(r, 150))")
+    assert state(browser, "phase") == before
+    browser.key("Home")
+    browser.key("ArrowRight")
+    assert state(browser, "phase") == pytest.approx(
+        browser.value("imocap.page.timeline.first") + 1 / 30
+    )
+
+
+def test_the_frame_shown_is_that_of_the_moment(browser: Browser) -> None:
+    for frame in (2, 11):
+        browser.value(f"imocap.act.seek({frame} / 30)")
+        browser.wait(
+            "document.querySelector('.card footer span').textContent === "
+            f"'frame {frame}' && document.querySelector('.card canvas').width > 0"
+        )
+        light = (
+            "(() => { const c = document.querySelector('.card canvas');"
+            "return c.getContext('2d').getImageData(3, 3, 1, 1).data[0]; })()"
+        )
+        browser.wait(f"Math.abs({light} - {40 + 8 * frame}) < 5")
+
+
+def test_hiding_every_video_leaves_the_ground(browser: Browser) -> None:
+    full = picture(browser)
+    for digit in "123":
+        browser.key(digit)
+    assert state(browser, "on") == [False, False, False]
+    empty = picture(browser)
+    spread = (empty.max(axis=2).astype(int) - empty.min(axis=2))[150:]
+    assert (spread > 40).mean() < 0.002
+    box = browser.value(
+        "(() => { const r = document.querySelectorAll('.card input')[1].getBoundingClientRect();"
+        "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+    )
+    browser.click(*box)
+    assert state(browser, "on") == [False, True, False]
+    for digit in "13":
+        browser.key(digit)
+    assert np.abs(picture(browser).astype(int) - full).mean() < 2.0
+
+
+def test_keys_and_buttons_change_what_is_shown(browser: Browser) -> None:
+    seen = [picture(browser)]
+    for key, name, wanted in (
+        ("i", "answer", "initial"),
+        ("i", "answer", "both"),
+        ("i", "answer", "final"),
+        ("o", "place", "one"),
+        ("o", "place", "all"),
+        ("o", "place", "apart"),
+        ("c", "through", 0),
+        ("Escape", "through", -1),
+    ):
+        browser.key(key)
+        assert state(browser, name) == wanted
+        seen.append(picture(browser))
+    for before, after in pairwise(seen):
+        assert np.abs(before.astype(int) - after).mean() > 0.02
+    browser.value(
+        "[...document.querySelectorAll('button')].find(b => b.textContent == 'keys').click()"
+    )
+    browser.wait("!document.getElementById('help').hidden")
+    browser.press("Escape", 27)
+    browser.wait("document.getElementById('help').hidden")
+
+
+def test_bones_in_the_page_are_the_body_s(browser: Browser, page: Page) -> None:
+    rows = browser.value("Array.from(imocap.pose(1, 'final', 7).rows)")
+    bones = np.array(rows).reshape(-1, 3, 4)
+    shape = page.header["shapes"][page.header["videos"][1]["answers"]["final"]["shape"]]
+    rest = page.array(shape["rest"], -1, 3) / 32767 * shape["scale"]
+    model = page.header["model"]
+    at, weights = page.array(model["bones"], -1, 4), page.array(model["weights"], -1, 4) / 65535
+    blended = (weights[..., None, None] * bones[at]).sum(axis=1)
+    shown = (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
+    assert np.abs(shown - skinned(page, 1, "final")[7]).max() < 2e-5
+
+
+def test_slider_and_cursors_are_above_one_another(browser: Browser, page: Page) -> None:
+    line = page.header["timeline"]
+    for share in (0.0, 0.3, 1.0):
+        browser.value(f"imocap.act.seek({line['first'] + share * (line['last'] - line['first'])})")
+        browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+        track, lanes = browser.value(
+            "['scrub', 'lanes'].map(id => { const r = document.getElementById(id)"
+            ".getBoundingClientRect(); return [r.x, r.width]; })"
+        )
+        thumb = track[0] + 8 + share * (track[1] - 16)
+        dark = browser.value(
+            "(() => { const c = document.getElementById('lanes');"
+            "const d = c.getContext('2d').getImageData(0, 1, c.width, 1).data, x = [];"
+            "for (let i = 0; i < c.width; i++) if (d[4 * i + 3] > 60 && d[4 * i] < 60) x.push(i);"
+            "return x.map(i => i + 0.5); })()"
+        )
+        assert lanes[0] + np.mean(dark) == pytest.approx(thumb, abs=1.0)
+
+
+def test_a_span_is_played_again_and_again(browser: Browser) -> None:
+    for at in (0.2, 0.3):
+        browser.value(f"imocap.act.seek({at})")
+        browser.key("l")
+    assert state(browser, "loop") == pytest.approx([0.2, 0.3])
+    phases = browser.value(
+        "Array.from({length: 8}, () => (imocap.act.advance(0.03), imocap.act.state.phase))"
+    )
+    assert all(0.2 <= p <= 0.3 for p in phases)
+    assert phases[0] == pytest.approx(0.2)
+    assert min(np.diff(phases)) < 0
+    browser.key("l")
+    assert state(browser, "loop") == []
+
+
+def test_an_address_opens_at_a_moment(browser: Browser) -> None:
+    browser.value("location.hash = '#t=0.4&loop=0.1,0.5'")
+    browser.wait("Math.abs(imocap.act.state.phase - 0.4) < 1e-9")
+    assert state(browser, "loop") == pytest.approx([0.1, 0.5])
+    browser.key("l")
+    browser.value("imocap.act.seek(0.25)")
+    browser.wait("location.hash === '#t=0.25'")
+    browser.value("location.hash = '#t=nonsense'")
+    browser.value("new Promise(r => setTimeout(r, 50))")
+    assert state(browser, "phase") == pytest.approx(0.25)
+
+
+def test_the_eye_stays_above_the_ground(browser: Browser) -> None:
+    before = browser.value("[imocap.orbit.azimuth, imocap.orbit.elevation, imocap.orbit.distance]")
+    x, y, width, height = browser.value(
+        "(() => { const r = document.getElementById('stage').getBoundingClientRect();"
+        "return [r.x, r.y, r.width, r.height]; })()"
+    )
+    browser.drag((x + width / 2, y + height - 5), (x + width / 2, y + 5))
+    assert browser.value("imocap.orbit.elevation") < before[1]
+    assert browser.value("imocap.orbit.eye()[1]") == pytest.approx(0.08, abs=1e-6)
+    browser.value("imocap.orbit.pan(0, -900)")
+    assert browser.value("imocap.orbit.eye()[1]") >= 0.0799
+    browser.value("imocap.orbit.elevation = 0.25; imocap.act.fit(0)")
+
+
+def test_skeletons_and_uncertainty(browser: Browser) -> None:
+    seen = [picture(browser)]
+    for key, name in (("u", "uncertainty"), ("b", "skeletons")):
+        browser.key(key)
+        assert state(browser, name) is True
+        seen.append(picture(browser))
+    assert not browser.value("document.getElementById('ramp').hidden")
+    for key in "ub":
+        browser.key(key)
+    for before, after in pairwise(seen):
+        assert np.abs(before.astype(int) - after).mean() > 0.1
+
+
+def test_curves_of_chosen_joints(browser: Browser) -> None:
+    painted = (
+        "(() => { const c = document.getElementById('curves'), d = c.getContext('2d')"
+        ".getImageData(70, 18, c.width - 80, c.height - 25).data; let n = 0;"
+        "for (let i = 0; i < d.length; i += 4)"
+        "  n += Math.max(d[i], d[i+1], d[i+2]) - Math.min(d[i], d[i+1], d[i+2]) > 40;"
+        "return n; })()"
+    )
+    rest = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
+    browser.value("imocap.act.state.curves.joints = [21], imocap.act.seek(0.3)")
+    browser.value(rest)
+    one = browser.value(painted)
+    assert one > 50
+    browser.value("[20, 4, 18].forEach(j => imocap.act.joint(j, true))")
+    browser.value(rest)
+    assert browser.value(painted) > 1.5 * one
+    assert "left knee" in browser.value("document.getElementById('chosen').textContent")
+    bend = "imocap.curves.course(0, 'final', 4, 'bend')"
+    browser.value("imocap.act.quantity('bend')")
+    assert 0 < browser.value(f"Math.max(...{bend})") < 60
+    browser.value("[20, 4, 18].forEach(j => imocap.act.joint(j, false))")
+    browser.value("imocap.act.quantity('height')")
+
+
+def test_a_picture_is_saved_and_named_by_its_moment(browser: Browser) -> None:
+    browser.value(
+        "HTMLAnchorElement.prototype.click = function () { window.saved = this.download; }"
+    )
+    browser.value("imocap.act.seek(0.3)")
+    browser.key("p")
+    browser.wait("window.saved === 'waving_0.30s.png'")
+
+
+def test_everything_can_be_read(browser: Browser) -> None:
+    """Names for screen readers, and a contrast of at least 4.5 (WCAG 2.2, 1.4.3) in both themes."""
+    tree = browser.call("Accessibility.getFullAXTree")["nodes"]
+    roles = {"button", "slider", "combobox", "checkbox", "image", "toolbar"}
+    nodes = [n for n in tree if n.get("role", {}).get("value") in roles and not n.get("ignored")]
+    assert len(nodes) > 25
+    assert [n for n in nodes if not n.get("name", {}).get("value")] == []
+    canvases = browser.value(
+        "[...document.querySelectorAll('canvas')].filter(c => !c.getAttribute('aria-label')).length"
+    )
+    assert canvases == 0
+    for theme, ground in (("light", "rgb(243, 245, 247)"), ("dark", "rgb(18, 22, 27)")):
+        scheme = {"name": "prefers-color-scheme", "value": theme}
+        browser.call("Emulation.setEmulatedMedia", features=[scheme])
+        browser.wait(f"getComputedStyle(document.body).backgroundColor === '{ground}'")
+        browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+        assert browser.value(CONTRAST.read_text()) == []
+        for color in VIDEO_COLORS:
+            ratio = browser.value(
+                "(() => { const ground = imocap.rgb(imocap.theme().paper);"
+                f"const ink = imocap.readable('{color}', imocap.theme().paper).match(/\\d+/g);"
+                "return imocap.contrast(ink.map(x => x / 255), ground); })()"
+            )
+            assert ratio >= 4.5, (theme, color)
+
+
+def test_less_detail_where_the_processor_draws(browser: Browser) -> None:
+    fine, coarse = browser.value(
+        "[imocap.scene.meshes[0].fine.count, imocap.scene.meshes[0].coarse.count]"
+    )
+    assert 0.02 < coarse / fine < 0.15
+    assert browser.value("imocap.detail().software") is True
+    assert browser.value("imocap.detail().level") >= 1
+
+
+@pytest.mark.parametrize("size", [(390, 844), (844, 390)])
+def test_on_a_phone_the_scene_stays_in_sight(browser: Browser, size: tuple[int, int]) -> None:
+    width, height = size
+    browser.resize(width, height, 2.0)
+    try:
+        browser.wait(f"document.documentElement.scrollWidth <= {width}")
+        for place in (0, 5000):
+            browser.value(f"scrollTo(0, {place})")
+            top, bottom, play, end = browser.value(
+                "(() => { const box = (id) => document.getElementById(id).getBoundingClientRect();"
+                "const s = box('stage'); return [s.top, s.bottom, box('play').bottom,"
+                " document.documentElement.scrollHeight]; })()"
+            )
+            assert top >= 0
+            assert bottom - top >= 0.45 * height
+            assert bottom <= play <= height
+            assert end > height  # the rest lies below
+    finally:
+        browser.value("scrollTo(0, 0)")
+        browser.resize(900, 600)
+
+
+def test_while_it_plays_pictures_and_marks_are_of_one_frame(browser: Browser) -> None:
+    browser.value("imocap.act.state.loop = [0, 0.45], imocap.act.seek(0), imocap.act.play(true)")
+    shown = browser.value(
+        "(async () => { const out = [], card = document.querySelector('.card canvas');"
+        "for (let n = 0; n < 20; n++) { await new Promise(r => setTimeout(r, 45));"
+        "  out.push([card.getContext('2d').getImageData(3, 3, 1, 1).data[0], imocap.shown()[0],"
+        "    document.querySelector('.card footer span').textContent]); }"
+        "return out; })()"
+    )
+    browser.value("imocap.act.play(false), imocap.act.state.loop = []")
+    assert len({frame for _, frame, _ in shown}) > 3
+    for light, frame, label in shown:
+        assert light == pytest.approx(40 + 8 * frame, abs=5)
+        assert label == f"frame {frame}"
+
+
+def test_the_verdict_is_there_and_its_spans_are_hatched(browser: Browser) -> None:
+    assert browser.value("document.getElementById('level').textContent") == "Check"
+    assert "nothing checks the timing" in browser.value(
+        "document.getElementById('summary').textContent"
+    )
+    rest = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
+    browser.value("imocap.act.seek(0.4)")
+    browser.value(rest)
+    lanes = "document.getElementById('lanes').toDataURL()"
+    before = browser.value(lanes)
+    browser.value(
+        "imocap.page.verdict.findings.push("
+        "{video: 0, first: 0.1, last: 0.2, serious: true, sentence: 'v1 frames 3-6: wrong.'})"
+    )
+    browser.value("imocap.act.seek(0.4)")
+    browser.value(rest)
+    assert browser.value(lanes) != before
+    browser.value("imocap.act.seek(0.15)")
+    browser.wait("document.getElementById('legend').textContent === 'v1 frames 3-6: wrong.'")
+    browser.value("imocap.page.verdict.findings.pop(), imocap.act.seek(0.15)")
+    browser.wait("document.getElementById('legend').textContent.startsWith('grid')")
+
+
+def test_a_pressed_button_can_be_read_under_the_pointer(browser: Browser) -> None:
+    x, y = browser.value(
+        "(() => { const b = [...document.querySelectorAll('#tools button')]"
+        ".find(b => b.getAttribute('aria-pressed') === 'true').getBoundingClientRect();"
+        "return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+    for theme in ("light", "dark"):
+        scheme = {"name": "prefers-color-scheme", "value": theme}
+        browser.call("Emulation.setEmulatedMedia", features=[scheme])
+        browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+        browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+        assert browser.value("document.querySelector('#tools button:hover') !== null")
+        assert browser.value(CONTRAST.read_text()) == []
+
+
+def test_joints_are_measured(browser: Browser) -> None:
+    text = "document.getElementById('measured').textContent"
+    names = "imocap.page.model.joints.indexOf('left knee')"
+    browser.value(f"imocap.act.measure({{body: 0, joint: {names}}})")
+    browser.wait(f"{text}.startsWith('height of left knee')")
+    assert "v2: " in browser.value(text)  # the same of every body that is shown
+    browser.press("Escape", 27)
+    browser.wait("document.getElementById('measured').hidden")
+
+
+def test_the_scene_is_seen_from_the_front_the_side_and_above(browser: Browser) -> None:
+    turns = []
+    for name in ("front", "side", "top"):
+        browser.value(f"imocap.act.look('{name}')")
+        turns.append(browser.value("[imocap.orbit.azimuth, imocap.orbit.elevation]"))
+    quarter = (turns[1][0] - turns[0][0]) % (2 * np.pi)
+    assert quarter == pytest.approx(np.pi / 2)  # the performer's left
+    assert turns[2] == pytest.approx([turns[0][0], 1.5])
+
+
+def test_a_video_of_another_action_has_no_place(
+    made: Made, browser: Browser, page: Page, tmp_path: Path
+) -> None:
+    sync = made.refined.sync.model_copy(update={"excluded": ["v2"]})
+    other = page_of(made, "two of three", sync=sync)
+    assert other.header["videos"][1]["role"] == "another action"
+    before, after = tmp_path / "other.html", tmp_path / "again.html"
+    before.write_text(other.text, encoding="utf-8")
+    after.write_text(page.text, encoding="utf-8")
+    browser.open(before)
+    browser.wait("window.imocap?.page.title === 'two of three'")
+    said = "[...document.querySelectorAll('.card')].map(c => c.querySelector('footer').innerText)"
+    browser.wait(f"{said}[1].includes('not synchronised') && {said}[0].includes('match 80 %')")
+    browser.key("c")
+    browser.key("c")
+    assert state(browser, "through") == 2
+    browser.open(after)
+    browser.wait("window.imocap?.page.title === 'waving'")
