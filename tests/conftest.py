@@ -68,6 +68,7 @@ LONG = (
     "compare/test_comparison_in_browser.py",
     "report/test_report_page_in_browser.py",
     "examples",
+    "test_film.py",
     "fuzz",
 )
 
