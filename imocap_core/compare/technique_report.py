@@ -224,11 +224,12 @@ def _body_entry(
 
 def _picture_entry(block: Block, filmed: Filmed | None, every: int) -> dict[str, Any]:
     """The source frames of a body's moments; nothing where its file is not there."""
-    if filmed is None or filmed.video.video is None:
+    file = None if filmed is None else filmed.video.video
+    if filmed is None or file is None:
         return {"pictures": None}
     video, lens = filmed.video, filmed.video.camera.lens
     (window,) = windows([video.keypoints.person_box_px], [video.camera.size])
-    pictures = picture_entry(block, video.video, filmed.frames, every, window, lens)
+    pictures = picture_entry(block, file, filmed.frames, every, window, lens)
     frames = block.add(filmed.frames, "i4")
     return {"pictures": pictures, "frames": frames, "view": list(window)}
 
