@@ -125,16 +125,16 @@ dt:target { background: var(--target); }
   body { font-size: 9.5px; margin: 0; padding: 0; max-width: none; }
   #technical, .pages { display: none; }
   .pair { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: .8rem; }
-  th, td { padding: .15rem .4rem; } table { font-size: 1em; }
-  h1 { font-size: 1.5rem; } h2, .first h2 { font-size: 1.1rem; margin: .5rem 0 .1rem; }
+  th, td { padding: 1px 3px; } table { font-size: 8.5px; }
+  h1 { font-size: 18px; } h2, .first h2 { font-size: 12px; margin: 6px 0 1px; }
   .verdict, .level { margin: .3rem 0; print-color-adjust: exact; }
   .verdict p { font-size: 1em; margin: .15rem 0; }
   .first figure { margin: .2rem 0; } .first figcaption { display: none; }
-  .first img { max-height: 80mm; width: 100%; object-fit: contain; object-position: left; }
+  .first img { max-height: 66mm; width: 100%; object-fit: contain; object-position: left; }
   p, figcaption, li { max-width: none; }
 }
 /* On a phone pictures keep a size at which their lettering can be read, and move sideways. */
-@media (max-width: 760px) {
+@media screen and (max-width: 760px) {
   body { font-size: 16px; margin: 1rem auto 3rem; padding: 0 .9rem; }
   .wide { margin: 0 -.9rem; padding: 0 .9rem; }
   .wide img { max-width: none; width: 860px; }

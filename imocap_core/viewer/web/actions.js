@@ -7,7 +7,7 @@ function makeActions(page, redraw) {
   const { first, last, step } = page.timeline, count = page.videos.length;
   const state = {
     phase: page.timeline.shared, playing: false, speed: 1, on: page.videos.map(() => true),
-    answer: "final", place: "all", apart: false, lead: Math.max(0, page.videos.findIndex((v) => v.id === page.reference)),
+    answer: "final", together: 1, place: "all", apart: false, lead: Math.max(0, page.videos.findIndex((v) => v.id === page.reference)),
     cameras: true, paths: true, follow: false, through: -1, help: false, chosen: [],
     skeletons: false, uncertainty: false, loop: [], right: page.right,
     curves: { joints: [], quantity: "height" },
@@ -54,7 +54,9 @@ function makeActions(page, redraw) {
       state.speed = speeds[clamp(now + by, 0, speeds.length - 1)];
     }),
     toggle: then((i, on = !state.on[i]) => { state.on[i] = on; }),
-    answer: then((name) => { state.answer = name; }),
+    answer: then((name) => Object.assign(state, { answer: name, together: name === "initial" ? 0 : 1 })),
+    // From each video alone (0) to all videos together (1).
+    reveal: then((share) => Object.assign(state, { together: share, answer: share < 0.5 ? "initial" : "final" })),
     // Chosen again, "one" goes on to the next performer.
     place: then((name) => {
       if (name === "one" && state.place === "one") state.lead = (state.lead + 1) % count;

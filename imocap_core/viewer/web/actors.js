@@ -33,6 +33,16 @@ function reachOf(page, i) {
   return out;
 }
 
+// One pose on the way from what a video shows alone to what all show together, as an answer of one frame.
+function blended(video, at, share) {
+  const { initial, final } = video.answers, t = Math.round(at), count = final.rotations.length / (final.trans.length / 3);
+  const row = (answer) => answer.rotations.slice(t * count, (t + 1) * count), then = row(final);
+  return {
+    rotations: row(initial).map((q, j) => slerp(q, then[j], share)),
+    trans: mix([...initial.trans.subarray(3 * t, 3 * t + 3)], final.trans.subarray(3 * t, 3 * t + 3), share),
+  };
+}
+
 // Whether a performer is shown only as a hint beside the chosen one.
 const faint = (state, i) => state.place === "one" && state.through < 0 && i !== state.lead;
 
@@ -46,10 +56,10 @@ function actorsAt(page, meshes, state, now) {
     for (const name of ["final", "initial"]) {
       if (state.answer !== name && state.answer !== "both") continue;
       const answer = video.answers[name], shape = page.shapes[answer.shape];
+      const own = rgb(video.color), between = state.answer !== "both" && state.together > 0 && state.together < 1;
       const plain = state.answer === "both" && name === "initial", ghost = plain || !now[i].inside;
-      const own = rgb(video.color);
       actors.push({
-        ...pose(page.model, shape, answer, now[i].at), mesh: meshes[answer.shape], video: i,
+        ...(between ? pose(page.model, shape, blended(video, now[i].at, state.together), 0) : pose(page.model, shape, answer, now[i].at)), mesh: meshes[answer.shape], video: i,
         color: plain ? mix(own, [0.45, 0.45, 0.45], 0.75) : own, offset: state.through < 0 ? state.offsets[i] : [0, 0, 0],
         tints: state.uncertainty && name === "final" ? tintsOf(page.model, video, Math.round(now[i].at)) : null,
         alpha: faint(state, i) ? FAINT : ghost ? GHOST : state.through >= 0 ? 0.82 : 1,

@@ -24,7 +24,7 @@ class Labels {
       const head = actor && free && named
         ? add(add(actor.joints[page.model.head], actor.offset), [0, NAME_M, 0]) : null;
       const wanted = state.cameras && state.on[i] && !video.excluded && !state.apart && free;
-      const corner = wanted ? mix(...pictureCorners(video, frames[i]).slice(0, 2), 0.5) : null;
+      const corner = wanted && !covers(view, video, frames[i], actors) ? mix(...pictureCorners(video, frames[i]).slice(0, 2), 0.5) : null;
       [head, corner].forEach((place, k) => {
         const at = place && landing(view.matrix, place, view.width / view.density, view.height / view.density);
         this.own[i][k].hidden = !at;

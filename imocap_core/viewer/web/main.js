@@ -23,6 +23,8 @@ function start() {
   const scene = new Scene($("stage"), page, !detail.software);
   const showTools = makeTools($("tools"), $("marks"), $("eye"), act), showChoice = makeChooser(page, act);
   makeVerdict(page, act);
+  const reveal = $("reveal").querySelector("input");
+  reveal.addEventListener("input", () => act.reveal(Number(reveal.value)));
   const cards = page.videos.map((video, i) => new Card(video, i, $("cards"), act));
   const pictures = page.videos.map((video) => new Pictures(video, redraw));
   const labels = new Labels($("labels"), page), curves = new Curves(page);
@@ -91,6 +93,8 @@ function start() {
     $("help").hidden = !state.help;
     $("scene").classList.toggle("through", state.through >= 0);
     $("ramp").hidden = !state.uncertainty;
+    $("reveal").hidden = state.answer === "both";
+    reveal.value = state.together;
     $("measured").hidden = !state.chosen.length;
     $("legend").textContent = message || warningAt(page, state) || page.legend;
   }
@@ -156,7 +160,7 @@ function start() {
   dress();
   window.imocap = {
     act, page, orbit, scene, curves, pictures, rgb, contrast, readable, theme: () => theme,
-    detail: () => ({ level: detail.level, software: detail.software }), shown: () => cards.map((card) => card.shown),
+    detail: () => ({ level: detail.level, software: detail.software }), shown: () => cards.map((card) => card.shown), actors: () => actors,
     pose: (i, name, at) => pose(page.model, page.shapes[page.videos[i].answers[name].shape], page.videos[i].answers[name], at),
   };
 }
