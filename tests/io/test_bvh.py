@@ -1,7 +1,12 @@
-"""BVH files read back by a parser of their own: the joints are ours, the angles go on smoothly."""
+"""BVH files read back by a parser of their own: the joints are ours, the angles go on smoothly.
+IMOCAP_GMR: a checkout of the retargeter GMR, whose own code then reads one, too."""
 
+import importlib
+import os
+import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -10,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from imocap_core.io.writers.bvh import LAFAN1_JOINTS, as_lafan1, bvh_text, euler_zyx_deg, write_bvh
 from imocap_core.io.writers.motion_clip import scaled, upright_rest
 from tests.io.made_clips import made_clip
+
+GMR = os.environ.get("IMOCAP_GMR")
 
 
 @dataclass
@@ -127,6 +134,24 @@ def test_lafan1s_reader_finds_its_joints_where_ours_are() -> None:
         for name, ours in LAFAN1_JOINTS.items():
             place = made.clip.joints[t, made.clip.joint_names.index(ours)]
             np.testing.assert_allclose(found[name], 100 * place, atol=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore")  # of its regular expressions
+@pytest.mark.skipif(GMR is None, reason="IMOCAP_GMR names no checkout of it")
+def test_gmr_finds_lafan1s_joints_where_ours_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = ModuleType("general_motion_retargeting")  # without its robots and its viewer
+    package.__path__ = [f"{GMR}/{package.__name__}"]
+    monkeypatch.setitem(sys.modules, package.__name__, package)
+    reader = importlib.import_module(f"{package.__name__}.utils.lafan1")
+    made = made_clip(frames=9, fps=30.0)
+    write_bvh(tmp_path / "a.bvh", scaled(as_lafan1(made.clip), 100.0))
+    frames, _ = reader.load_lafan1_file(str(tmp_path / "a.bvh"))
+    for t in (0, 8):
+        for name, ours in LAFAN1_JOINTS.items():
+            x, y, z = made.clip.joints[t, made.clip.joint_names.index(ours)]
+            np.testing.assert_allclose(frames[t][name][0], [x, -z, y], atol=1e-4)  # z up, metres
 
 
 def test_lafan1s_axes_lie_along_the_bones() -> None:
