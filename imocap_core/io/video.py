@@ -378,9 +378,10 @@ def _frames(
 def _camera_rate(container: Any, stream: VideoStream, stamped: float) -> float:
     """Frames a second that the camera took: those of the stamps, unless a phone says that it took
     others, for slow motion or a time lapse. Such a film has no sound."""
-    given = container.metadata.get(CAPTURE_RATE) or stream.metadata.get(CAPTURE_RATE)
+    tags = {**stream.metadata, **container.metadata}
+    given = {name.lower(): text for name, text in tags.items()}  # Matroska has capitals
     try:
-        taken = float(given or stamped)
+        taken = float(given.get(CAPTURE_RATE) or stamped)
     except ValueError:
         return stamped
     differs = max(taken / stamped, stamped / max(taken, MIN_FPS)) >= SLOWED
