@@ -1,8 +1,6 @@
 """BVH files read back by a parser of their own: the joints are ours, the angles go on smoothly.
 IMOCAP_GMR: a checkout of the retargeter GMR, whose own code then reads one, too."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys
@@ -151,7 +149,7 @@ def test_gmr_finds_lafan1s_joints_where_ours_are(
     write_bvh(tmp_path / "a.bvh", scaled(as_lafan1(made.clip), 100.0))
     frames, _ = reader.load_lafan1_file(str(tmp_path / "a.bvh"))
     for t in (0, 8):
-        for name, ours in JOINTS.items():
+        for name, ours in LAFAN1_JOINTS.items():
             x, y, z = made.clip.joints[t, made.clip.joint_names.index(ours)]
             np.testing.assert_allclose(frames[t][name][0], [x, -z, y], atol=1e-4)  # z up, metres
 
