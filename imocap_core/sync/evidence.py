@@ -39,7 +39,7 @@ class SyncEvidence:
         reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
     """
 
-    poses: Sequence[Float[np.ndarray, "_T J 3"]]
+    poses: Sequence[Float[np.ndarray, "_T _J 3"]]
     fps: Sequence[float]
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None
     joint_weights: Float[np.ndarray, " J"] | None = None

@@ -23,7 +23,10 @@ def poses() -> list[np.ndarray]:
     return [estimated(p, rng) for p in four_phases()[:3]]
 
 
-def run_three(hints: Hints | None = None) -> SyncResult:
+NO_HINTS = Hints()
+
+
+def run_three(hints: Hints = NO_HINTS) -> SyncResult:
     return run(poses(), PARAMS, fps=[FOUR_FPS] * 3, reference=0, hints=hints)
 
 
