@@ -5,7 +5,7 @@ from pathlib import Path
 from tests.chaos.run import vary_threads
 from tests.chaos.small_action import SmallAction
 
-ALONE = ("sync", "smpl_ba")  # `make chaos`: every stage
+ALONE = ("sync", "smpl_ba", "evaluate")  # `make chaos`: every stage
 
 
 def test_four_threads_and_stages_alone_give_the_digests_of_one_thread(tmp_path: Path) -> None:
