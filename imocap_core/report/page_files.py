@@ -106,8 +106,10 @@ def _comparison(file: str) -> str:
 
 def links(folder: Path, action: str) -> str:
     """The report's links to the other pages of an action, as HTML."""
-    others = [p for p in pages_of(folder, action) if p.file and p.file != f"report/{PAGE}"]
-    shown = "".join(f'<a href="../{html.escape(p.file or "")}">{html.escape(p.name)}</a>' for p in others)
+    others = [(p.file, p.name) for p in pages_of(folder, action) if p.file != f"report/{PAGE}"]
+    shown = "".join(
+        f'<a href="../{html.escape(file)}">{html.escape(name)}</a>' for file, name in others if file
+    )
     below = '<a href="#technical">Technical details</a>'
     return f'<nav class="pages">{shown}<a href="../{_INDEX}">All pages</a>{below}</nav>'
 

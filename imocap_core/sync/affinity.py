@@ -27,6 +27,9 @@ from imocap_core.sync.procrustes import procrustes_distances
 
 # pairs of frames of two videos that are all compared at first; of longer videos every n-th frame is
 ALL_COMPARED = 1 << 22
+# Heights count in full where matching poses are apart by at least this share of the distance of
+# unrelated ones: rope jumping and push-ups have 0.7, *yoga*, whose poses tell more, has 0.25.
+INDISTINCT = 0.4
 
 
 @dataclass(frozen=True)
@@ -126,15 +129,32 @@ def distance_matrix(
     scaled, blocks = stack(poses, scales)
     per_video = [scaled[blocks.rows(v)] for v in range(len(poses))]
     vertical = [np.full(len(x), np.nan) for x in poses]
-    if heights is not None:
-        moving = [vertical_motion(h / s, f) for h, s, f in zip(heights, scales, fps, strict=True)]
-        vertical = of_one_amplitude(moving, params.least_difference_m)
     compared = ComparedPoints(per_video, weights, vertical)
     every = {pair: 1 if whole else _stride(*pair, blocks) for pair in blocks.pairs()}
     squares = {
         (i, j): compared.squares(i, j, slice(None, None, n), slice(None, None, n))
         for (i, j), n in every.items()
     }
+    matched, unrelated = _typical_squares(squares, least)
+    if heights is not None:
+        moving = [vertical_motion(h / s, f) for h, s, f in zip(heights, scales, fps, strict=True)]
+        weight = min(1.0, (matched / unrelated) ** 0.5 / INDISTINCT)
+        vertical = [weight * h for h in of_one_amplitude(moving, params.least_difference_m)]
+        compared = replace(compared, vertical=vertical)
+        for (i, j), n in every.items():
+            squares[i, j] += squared_differences(vertical[i][::n], vertical[j][::n])
+        matched, unrelated = _typical_squares(squares, least)
+    change = [pose_change(x, w, f) for x, w, f in zip(per_video, weights, fps, strict=True)]
+    return DistanceMatrix(
+        per_video, weights, vertical, blocks, squares, every, compared, matched, unrelated, least,
+        change,
+    )  # fmt: skip
+
+
+def _typical_squares(
+    squares: Mapping[tuple[int, int], Float[np.ndarray, "_ _"]], least: float
+) -> tuple[float, float]:
+    """Squared distances of matching frames, at least `least`, and of any two frames."""
     nearest, usual = [], []
     for block in squares.values():
         valid = block[np.isfinite(block).any(axis=1)]
@@ -144,11 +164,7 @@ def distance_matrix(
     # identical clips have distance 0: the unit must stay positive
     unrelated = float(np.mean(usual)) if usual else 1.0
     matched = max(float(np.mean(nearest)), least, 1e-6 * unrelated, 1e-12) if nearest else 1.0
-    change = [pose_change(x, w, f) for x, w, f in zip(per_video, weights, fps, strict=True)]
-    return DistanceMatrix(
-        per_video, weights, vertical, blocks, squares, every, compared, matched, unrelated, least,
-        change,
-    )  # fmt: skip
+    return matched, unrelated
 
 
 def _stride(i: int, j: int, blocks: Blocks) -> int:
