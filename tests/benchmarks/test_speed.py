@@ -38,8 +38,7 @@ def test_the_loops_of_time_warping_find_our_path(lengths: tuple[int, int]) -> No
 
 @pytest.fixture(scope="module")
 def alone() -> MotionAlone:
-    # A prior that counts more has kinks between its components, on which SciPy stops.
-    return motion_alone(made_scene(3, 4, FitParams(pose_prior=0.05), 3), MotionParams())
+    return motion_alone(made_scene(3, 4, FitParams(), 5), MotionParams())
 
 
 def test_the_residuals_of_a_motion_alone_are_the_objective_s(alone: MotionAlone) -> None:

@@ -13,14 +13,9 @@ from tests.regression.measure import MADE, Scored, run_pipeline
 
 pytestmark = pytest.mark.regression
 
-# Each video matched to the reference on its own, once, by one best path: what a broken agreement
-# between the videos and a loop that does nothing would leave.
-FAULT = (
-    "sync.warp=dtw",
-    "sync.consensus_rounds=0",
-    "refine.max_rounds=0",
-    "motion.objective=paper",
-)
+# Each video matched to the reference on its own, once: what a broken agreement between the videos
+# and a loop that does nothing would leave.
+FAULT = ("sync.consensus_rounds=0", "refine.max_rounds=0", "motion.objective=paper")
 
 
 def test_no_metric_lost(yoga: Scored, baseline: Baseline) -> None:
@@ -34,10 +29,10 @@ def test_videos_are_in_step(yoga: Scored) -> None:
     assert after["matched_share"] >= 0.9  # an error over few matches would say little
 
 
-def test_several_videos_are_much_better_than_one_and_the_loop_does_no_harm(yoga: Scored) -> None:
+def test_several_videos_are_much_better_than_one_and_the_loop_helps(yoga: Scored) -> None:
     found = {result: row["mpjpe_mm"] for result, row in yoga.summary().items()}
     assert found["after loop"] <= 0.7 * found["monocular"]
-    assert found["after loop"] <= 1.05 * found["single pass"]  # its noise: see baseline.yaml
+    assert found["after loop"] <= found["single pass"]
 
 
 def test_every_camera_is_found(yoga: Scored) -> None:
