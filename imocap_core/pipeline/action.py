@@ -336,6 +336,12 @@ def declared_path(file: Path, folder: Path) -> str:
         return file.resolve().as_posix()
 
 
+def path_of(folder: Path, declared: str) -> Path:
+    """The inverse of `declared_path`, without `..`, for messages too."""
+    path = folder / declared
+    return path.resolve() if ".." in path.parts else path
+
+
 FOLDERS = {"video": "videos", "keypoints": "keypoints", "initial": "initial"}  # by key
 
 
