@@ -118,5 +118,18 @@ def check_files(action: Action) -> None:
     missing = [(field, given) for field, given in named if not (action.folder / given).exists()]
     if missing:
         raise WorkFailed(
-            "\n".join(f"{action.file}: {f}: there is no {action.folder / g}" for f, g in missing)
+            "\n".join(f"{action.file}: {f}: {_why_missing(action.folder, g)}" for f, g in missing)
         )
+
+
+def _why_missing(folder: Path, given: str) -> str:
+    """A sentence on a path that leads nowhere, with what was probably meant."""
+    path = folder / given
+    if "://" in given:
+        return f"{given} is an address; download the file and name it here"
+    if (folder / given.replace("\\", "/")).exists():
+        return f"there is no {path}; write / instead of \\"
+    if given.startswith("~"):
+        return f"there is no {path}; write the whole path instead of ~"
+    alike = [f.name for f in path.parent.glob("*") if f.name.casefold() == path.name.casefold()]
+    return f"there is no {path}" + (f"; there is {alike[0]}" if alike else "")

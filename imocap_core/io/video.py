@@ -297,7 +297,8 @@ def write_h264(
 def open_video(path: Path) -> Any:
     """A video file's container, one of `CONTAINERS`. ValueError when it is none."""
     if not path.is_file():
-        raise ValueError(f"{path}: no such video file; check `video` in action.yaml")
+        fault = "is a folder, not a video" if path.is_dir() else "no such video file"
+        raise ValueError(f"{path}: {fault}; check `video` in action.yaml")
     try:
         return av.open(f"file:{path}", metadata_errors="replace", options=dict(ALONE))
     except (av.FFmpegError, OSError) as error:

@@ -149,7 +149,7 @@ Model = TypeVar("Model", bound=BaseModel)
 class Declaration(BaseModel):
     """One video as action.yaml declares it; paths are relative to the action's folder."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", coerce_numbers_to_str=True)
 
     id: Id
     video: str | None = None

@@ -44,12 +44,6 @@ def read(given: DetectedPeople, clip: Path, **known: object) -> tuple[Reading, n
 FRAMES = np.arange(COUNT)
 
 
-def test_keypoints_of_this_video_stay_as_they_are(clip: Path) -> None:
-    reading, xy = read(detected(FRAMES), clip)
-    assert reading == Reading()
-    assert np.array_equal(xy, joints(FRAMES))
-
-
 @pytest.mark.parametrize("scale", [0.5, 2 / 3, 2.0])
 def test_keypoints_of_a_copy_of_another_size(clip: Path, scale: float) -> None:
     reading, xy = read(detected(FRAMES, scale=scale), clip)

@@ -16,9 +16,12 @@ import numpy as np
 import pytest
 
 from imocap_core.adapters.keypoint_reading import reading_of
+from imocap_core.errors import WorkFailed
 from imocap_core.io.frame_access import check_video
 from imocap_core.io.readers.keypoint_readers import format_and_layout, read_detections
 from imocap_core.io.video import probe
+from imocap_core.pipeline.action import read_action
+from imocap_core.workspace import check_files
 from tests.io import made_keypoints as made
 from tests.io.made_film import COUNT, HEIGHT, WIDTH, film, joints
 from tests.io.made_videos import write_video
@@ -55,7 +58,6 @@ def text(folder: Path, name: str, content: object, encoding: str = "utf-8") -> P
 
 
 def yolo(frame: int) -> list[dict[str, object]]:
-    """Ultralytics' people of a frame."""
     (person,) = people()[frame]
     return [{"name": "person", "keypoints": dict(zip("xy", person.T.tolist(), strict=False))}]
 
@@ -170,17 +172,12 @@ def test_keypoints_are_read(case: str, clip: Path, tmp_path: Path) -> None:
             assert np.isfinite(person[:, 0]).sum() >= 15
 
 
-def film_json(folder: Path) -> Path:
-    return text(folder, "a.json", [{"image_id": -1, "category_id": 1, "keypoints": 51 * [1.0]}])
-
-
 def landmarks(folder: Path) -> Path:
     world = [{"x": 0.1, "y": 0.2, "z": 0.3}] * 33
     return text(folder, "a.json", [{"pose_world_landmarks": [world]}])
 
 
 def cameras(folder: Path) -> Path:
-    """EasyMocap's annots."""
     for camera in ("01", "02"):
         (folder / camera).mkdir()
         text(folder / camera, "000000.json", {})
@@ -214,7 +211,10 @@ REFUSED: dict[str, tuple[Make, str]] = {
     "a part of a longer video": (
         lambda d: made.write_npz(d, people(np.arange(50), first=30)), "numbered 30 to 79"
     ),
-    "negative frame numbers": (film_json, "expected a frame number .* got -1; name the pictures"),
+    "negative frame numbers": (
+        named("a.json", json.dumps([{"image_id": -1, "keypoints": 51 * [1.0]}])),
+        "expected a frame number .* got -1; name the pictures",
+    ),
     "a frame twice": (
         lambda d: made.write_npz(d, people(numbers=FRAMES - 1)), r"got \[-1\], negative or twice"
     ),
@@ -249,7 +249,6 @@ def test_keypoints_are_refused_with_cause_and_remedy(case: str, clip: Path, tmp_
 
 
 def with_cover(path: Path) -> Path:
-    """A picture as the first stream."""
     with av.open(str(path), "w") as container:
         cover = container.add_stream("mjpeg", rate=1)
         cover.width, cover.height, cover.pix_fmt = 200, 304, "yuvj420p"
@@ -283,6 +282,24 @@ def test_films_are_read(case: str, tmp_path: Path) -> None:
     info = check_video(make(tmp_path))
     assert (info.size, info.frame_count) == (size, 10)
     assert info.fps == pytest.approx(fps)
+
+
+PATHS = {
+    "clips\\a.mp4": r"there is no .*; write / instead of \\",
+    "~/a.mp4": "write the whole path instead of ~",
+    "https://youtu.be/x": "is an address; download the file and name it here",
+    "clips/A.MP4": r"there is no .*A\.MP4; there is a\.mp4",
+}
+
+
+@pytest.mark.parametrize("given", PATHS)
+def test_a_path_that_leads_nowhere(given: str, tmp_path: Path) -> None:
+    (tmp_path / "clips").mkdir()
+    text(tmp_path / "clips", "a.mp4", "")
+    videos = [{"id": 1, "video": given, "keypoints": "clips"}]
+    text(tmp_path, "action.yaml", {"name": "serve", "videos": videos})
+    with pytest.raises(WorkFailed, match=PATHS[given]):
+        check_files(read_action(tmp_path))
 
 
 ELSEWHERE = {

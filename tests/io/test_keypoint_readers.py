@@ -336,11 +336,6 @@ def test_what_is_not_clear_is_asked_for(
         guess_detections(folder)
 
 
-def test_a_given_layout_is_believed(tmp_path: Path) -> None:
-    folder = _write(tmp_path / "v1", [np.ones((25, 3))])
-    assert guess_detections(folder, layout="body25b") == ("openpose", "body25b")
-
-
 def test_files_that_are_something_else(tmp_path: Path) -> None:
     (tmp_path / "odd").mkdir()
     (tmp_path / "odd" / "f0.json").write_text("[1, 2]")
