@@ -365,10 +365,14 @@ def _placings(given: DetectedPeople, info: VideoInfo) -> list[Reading]:
 def _in_both_orders(
     places: list[Reading], given: DetectedPeople, size: tuple[int, int]
 ) -> list[Reading]:
-    """The same, and with y before x (as MoveNet has them) where that makes lying people stand."""
+    """The same, and with y before x where the points are shares (MoveNet's are so), or where that
+    makes lying people stand."""
     people = [p[0, p[0, :, 2] > SEEN, :2] for p in given.people if len(p)]
     extents = [np.ptp(places[0].places(points), axis=0) for points in people if len(points) > 1]
-    if not extents or np.subtract(*np.median(extents, axis=0)) <= 0:
+    points = _points(given)
+    if not extents or (
+        np.subtract(*np.median(extents, axis=0)) <= 0 and not _are_shares(points, size)
+    ):
         return places
     words = "the keypoints have y before x"
     turned = [
@@ -381,7 +385,6 @@ def _in_both_orders(
         for place in places
         for (a, b), (c, d) in [place.linear]
     ]
-    points = _points(given)
     return [*places, *(place for place in turned if _fits(place.places(points), size))]
 
 
