@@ -1,6 +1,6 @@
-"""Put exported motions onto a humanoid robot in MuJoCo, and measure what the robot would suffer.
+"""Put exported motions onto Unitree's G1 in MuJoCo, and measure what the robot would suffer.
 
-    pip install mujoco mink daqp
+    pip install mujoco mink daqp robosuite-models
     imocap run --name serve VIDEOS
     imocap export serve --format bvh --names lafan1 --mean --out many
     imocap run --name alone VIDEO
@@ -9,15 +9,17 @@
         --picture robot.png
 
 Each FILE is a BVH with LAFAN1's names: of the mean performance of many clips, and of one clip
-alone, to compare. The robot is a small one of this example's own: 23 hinges with limits, legs of
-0.7 m. Bones point where the performer's do, the path is scaled by the legs' length, and inverse
-kinematics (mink) keeps within the joints' limits. OUT gets NAME.npz with `qpos` (T, 30), `fps`, and
-humanoid.xml.
+alone, to compare. The robot has 23 hinges with limits and no hinge in the waist but a turning one;
+its model is in the package robosuite-models. Knees and elbows point where the performer's do, the
+path and the ankles are the performer's, scaled by the legs' length, and inverse kinematics (mink)
+keeps within the joints' limits. OUT gets NAME.npz with `qpos` (T, 30) and `fps`.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,10 +28,21 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-THIGH, SHANK, ANKLE, UPPER_ARM, FOREARM, HAND = 0.34, 0.34, 0.06, 0.24, 0.24, 0.04  # metres
-SOLE_X, SOLE_Y = (-0.05, 0.13), (-0.04, 0.04)
+MODEL = "assets/robots/g1/robot.xml"  # in the package robosuite_models
+PELVIS, TORSO, SIDES = "pelvis", "torso_link", {"l": "Left", "r": "Right"}
+# The robot's bodies at the joints of a limb, and LAFAN1's joints there.
+LEG = ("hip_roll_link", "knee_link", "ankle_pitch_link"), ("UpLeg", "Leg", "Foot")
+ARM = ("shoulder_roll_link", "elbow_pitch_link", "elbow_roll_link"), ("Arm", "ForeArm", "Hand")
+FOOT_LINK = "ankle_roll_link"
+WEIGHTS = {  # of place and of rotation, in inverse kinematics
+    PELVIS: (10.0, 1.0), TORSO: (0.0, 5.0), "knee_link": (1.0, 0.0),
+    "ankle_pitch_link": (20.0, 0.0), FOOT_LINK: (0.0, 2.0),
+    "elbow_pitch_link": (3.0, 0.0), "elbow_roll_link": (3.0, 0.0),
+}  # fmt: skip
 NEAR_M, AT_LIMIT_RAD = 0.02, 0.01
-STEPS, DT = 8, 0.1  # of inverse kinematics in a frame
+STEPS, DT, DAMPING = 8, 0.1, 0.3  # of inverse kinematics in a frame
+# Towards all angles 0; of the shoulders' roll more, or raised arms end at its limit.
+POSTURE, SHOULDER_ROLL = 0.02, 0.2
 Z_UP = Rotation.from_euler("x", 90, degrees=True)  # of a world with y up
 # What a robot's link, x ahead, y left, z up with its limbs hanging, is against LAFAN1's joint.
 TRUNK = Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
@@ -53,19 +66,30 @@ def main() -> None:
     arguments.add_argument("--out", type=Path, required=True)
     arguments.add_argument("--picture", type=Path, help="a PNG of each robot at five moments")
     given = arguments.parse_args()
-    model = mujoco.MjModel.from_xml_string(humanoid())
+    model = load_robot()
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "humanoid.xml").write_text(humanoid())
-    rows, robots = [], []
-    for file in given.files:
-        motion = read_bvh(file)
-        qpos = retarget(model, motion)
-        np.savez(given.out / f"{file.stem}.npz", qpos=qpos, fps=motion.fps)
-        rows.append((file, measure(model, qpos, motion.fps)))
-        robots.append(qpos)
-    print(table(rows))
+    motions = [read_bvh(file) for file in given.files]
+    robots = [retarget(model, motion) for motion in motions]
+    for motion, qpos in zip(motions, robots, strict=True):
+        np.savez(given.out / f"{motion.name}.npz", qpos=qpos, fps=motion.fps)
+    print(table({m.name: measure(model, q, m.fps) for m, q in zip(motions, robots, strict=True)}))
     if given.picture is not None:
         draw(given.picture, model, robots)
+
+
+def load_robot() -> mujoco.MjModel:
+    """The robot as its package has it, on a floor with light."""
+    package = importlib.util.find_spec("robosuite_models")
+    if package is None or package.origin is None:
+        raise SystemExit("the robot's model is missing: pip install robosuite-models")
+    spec = mujoco.MjSpec.from_file(str(Path(package.origin).parent / MODEL))
+    plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [4, 4, 0.1], "rgba": [1, 1, 1, 1]}
+    spec.worldbody.add_geom(name="floor", **plane)
+    spec.worldbody.add_light(pos=[0, -2, 4], dir=[0, 0.4, -1])
+    sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT}
+    spec.add_texture(**sky, rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=64, height=64)
+    spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+    return spec.compile()
 
 
 def read_bvh(file: Path) -> Motion:
@@ -116,79 +140,28 @@ def read_tree(
     return names, parents, offsets, channels
 
 
-def humanoid() -> str:
-    """The robot, MJCF: x ahead, y left, z up; all angles 0 with straight legs and hanging arms."""
-
-    def hinge(name: str, axis: str, low: float, high: float) -> str:
-        return f'<joint name="{name}" axis="{axis}" range="{low} {high}"/>'
-
-    def limb(size: float, length: float) -> str:
-        return f'<geom type="capsule" size="{size}" fromto="0 0 0 0 0 {-length}"/>'
-
-    legs = arms = ""
-    for side, y in (("left", 1), ("right", -1)):
-        roll, yaw = sorted((-0.5 * y, 0.9 * y)), sorted((-0.8 * y, 0.8 * y))
-        soles = "".join(
-            f'<site name="{side}_sole{n}" pos="{SOLE_X[n // 2]} {SOLE_Y[n % 2]} {-ANKLE}"/>'
-            for n in range(4)
-        )
-        legs += f"""
-    <body name="{side}_thigh" pos="0 {0.1 * y} -0.06">
-      {hinge(f"{side}_hip_pitch", "0 1 0", -2.4, 0.8)}{hinge(f"{side}_hip_roll", "1 0 0", *roll)}
-      {hinge(f"{side}_hip_yaw", "0 0 1", *yaw)}{limb(0.05, THIGH)}
-      <body name="{side}_shank" pos="0 0 {-THIGH}">
-        {hinge(f"{side}_knee", "0 1 0", 0, 2.5)}{limb(0.04, SHANK)}
-        <body name="{side}_foot" pos="0 0 {-SHANK}">
-          {hinge(f"{side}_ankle_pitch", "0 1 0", -0.9, 0.7)}
-          {hinge(f"{side}_ankle_roll", "1 0 0", -0.4, 0.4)}
-          <geom type="box" size="0.09 0.04 0.015" pos="0.04 0 {-ANKLE + 0.015}"/>{soles}
-    </body></body></body>"""
-        raised = sorted((-0.3 * y, 2.9 * y))
-        arms += f"""
-      <body name="{side}_upper_arm" pos="0 {0.19 * y} 0.36">
-        {hinge(f"{side}_shoulder_pitch", "0 1 0", -3.0, 1.0)}
-        {hinge(f"{side}_shoulder_roll", "1 0 0", *raised)}
-        {hinge(f"{side}_shoulder_yaw", "0 0 1", -1.6, 1.6)}{limb(0.035, UPPER_ARM)}
-        <body name="{side}_forearm" pos="0 0 {-UPPER_ARM}">
-          {hinge(f"{side}_elbow", "0 1 0", -2.4, 0)}{limb(0.03, FOREARM)}
-          <body name="{side}_hand" pos="0 0 {-FOREARM}"><geom type="sphere" size="{HAND}"/>
-      </body></body></body>"""
-    return f"""<mujoco model="humanoid">
-  <compiler angle="radian"/><visual><headlight ambient=".45 .45 .45"/></visual>
-  <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="64" height="64"/>
-  <texture name="t" type="2d" builtin="checker" rgb1=".8 .8 .8" rgb2=".7 .7 .7" width="64"
-    height="64"/><material name="floor" texture="t" texrepeat="8 8"/></asset>
-  <default><geom contype="0" conaffinity="0" density="900" rgba=".25 .45 .7 1"/></default>
-  <worldbody>
-  <light pos="0 -2 4" dir="0 .4 -1" diffuse=".9 .9 .9"/>
-  <geom type="plane" size="4 4 .1" material="floor" rgba="1 1 1 1"/>
-  <body name="pelvis" pos="0 0 0.8"><freejoint/><geom type="box" size="0.07 0.11 0.06"/>
-    <body name="torso" pos="0 0 0.08">
-      {hinge("waist_yaw", "0 0 1", -1.2, 1.2)}{hinge("waist_roll", "1 0 0", -0.5, 0.5)}
-      {hinge("waist_pitch", "0 1 0", -0.4, 1.2)}
-      <geom type="box" size="0.07 0.13 0.19" pos="0 0 0.19"/>
-      <geom type="sphere" size="0.09" pos="0 0 0.5"/>{arms}
-    </body>{legs}
-  </body></worldbody>
-</mujoco>"""
-
-
 def retarget(model: mujoco.MjModel, motion: Motion) -> np.ndarray:
     """Generalised positions (T, 30) of the robot: inverse kinematics frame by frame."""
-    configuration = mink.Configuration(model)
-    configuration.update(model.key_qpos[0] if model.nkey else model.qpos0)
-    tasks = {"pelvis": mink.FrameTask("pelvis", "body", 10.0, 5.0)}
-    tasks["torso"] = mink.FrameTask("torso", "body", 0.0, 1.0)
-    for side in ("left", "right"):
-        for link, place, turn in (
-            ("shank", 1.0, 0.0), ("foot", 20.0, 2.0), ("forearm", 1.0, 0.0), ("hand", 3.0, 0.0)
-        ):  # fmt: skip
-            tasks[f"{side}_{link}"] = mink.FrameTask(f"{side}_{link}", "body", place, turn)
-    posture = mink.PostureTask(model, 0.02)
+    targets = targets_of(model, motion)
+    start, (place, turn) = model.qpos0.copy(), targets[PELVIS]
+    start[:3] = place[0] - turn[0].apply(at_rest(model)[PELVIS])
+    start[3:7] = turn[0].as_quat(scalar_first=True)
+    configuration = mink.Configuration(model, start)
+    tasks = {
+        link: mink.FrameTask(
+            link, "body", *WEIGHTS[link.removeprefix("l_").removeprefix("r_")], lm_damping=DAMPING
+        )
+        for link in targets
+    }
+    costs = np.full(model.nv, POSTURE)
+    costs[[model.joint(f"{side}_shoulder_roll_joint").dofadr[0] for side in SIDES]] = SHOULDER_ROLL
+    posture = mink.PostureTask(model, costs)
     posture.set_target(model.qpos0)
-    limits = [mink.ConfigurationLimit(model)]
+    ends = [model.body(f"{side}_{link}").id for side in SIDES for link in (ARM[0][2], FOOT_LINK)]
+    solid = np.flatnonzero(np.isin(model.geom_bodyid, ends) & (model.geom_contype > 0))
+    floor = mink.CollisionAvoidanceLimit(model, [(solid.tolist(), ["floor"])])
+    limits = [mink.ConfigurationLimit(model), floor]
     rows = []
-    targets = targets_of(motion)
     for t in range(len(motion.places["Hips"])):
         for link, task in tasks.items():
             place, turn = targets[link]
@@ -199,7 +172,7 @@ def retarget(model: mujoco.MjModel, motion: Motion) -> np.ndarray:
             )
             configuration.integrate_inplace(speed, DT)
         rows.append(configuration.q.copy())
-    return on_floor(model, np.array(rows))
+    return np.array(rows)
 
 
 def pose(turn: Rotation, place: np.ndarray) -> np.ndarray:
@@ -209,73 +182,79 @@ def pose(turn: Rotation, place: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def targets_of(motion: Motion) -> dict[str, tuple[np.ndarray, Rotation]]:
+def targets_of(model: mujoco.MjModel, motion: Motion) -> dict[str, tuple[np.ndarray, Rotation]]:
     """Place (T, 3) and rotation of each link: the robot's bones, directed as the performer's."""
-    human = motion.places
-    legs = [
-        np.linalg.norm(human[b] - human[a], axis=1).mean()
-        for side in ("Left", "Right")
-        for a, b in ((f"{side}UpLeg", f"{side}Leg"), (f"{side}Leg", f"{side}Foot"))
-    ]
-    scale = (THIGH + SHANK) / (0.5 * sum(legs))
-    hips, torso = motion.turns["Hips"] * TRUNK, motion.turns["Spine2"] * TRUNK
-    pelvis = scale * human["Hips"]
-    targets = {"pelvis": (pelvis, hips), "torso": (pelvis, torso)}
-    chest = pelvis + hips.apply([0, 0, 0.08])
-    for side, y in (("left", 1), ("right", -1)):
-        name = side.capitalize()
-        hip, shoulder = (
-            pelvis + hips.apply([0, 0.1 * y, -0.06]),
-            chest + torso.apply([0, 0.19 * y, 0.36]),
-        )
+    human, rest = on_robots_scale(model, motion), at_rest(model)
+    hips = motion.turns["Hips"] * TRUNK
+    above = hips.apply((rest[PELVIS] - rest[f"l_{LEG[0][0]}"]) * [1, 0, 1])  # the hips' middle
+    pelvis = 0.5 * (human["LeftUpLeg"] + human["RightUpLeg"]) + above
+    torso = motion.turns["Spine2"] * TRUNK
+    targets = {PELVIS: (pelvis, hips), TORSO: (pelvis, torso)}
+    for side, name in SIDES.items():
         foot = motion.turns[f"{name}Toe"] * FOOT
-        for start, joints, lengths, links in (
-            (hip, ("UpLeg", "Leg", "Foot"), (THIGH, SHANK), ("shank", "foot")),
-            (shoulder, ("Arm", "ForeArm", "Hand"), (UPPER_ARM, FOREARM), ("forearm", "hand")),
-        ):
-            for k in range(2):
-                bone = human[name + joints[k + 1]] - human[name + joints[k]]
-                start = start + lengths[k] * bone / np.linalg.norm(bone, axis=1, keepdims=True)
-                targets[f"{side}_{links[k]}"] = (start, foot)
+        for (links, joints), trunk in ((LEG, hips), (ARM, torso)):
+            link = pelvis + trunk.apply(rest[f"{side}_{links[0]}"] - rest[PELVIS])
+            for k in (1, 2):
+                bone = human[name + joints[k]] - human[name + joints[k - 1]]
+                length = np.linalg.norm(rest[f"{side}_{links[k]}"] - rest[f"{side}_{links[k - 1]}"])
+                link = link + length * bone / np.linalg.norm(bone, axis=1, keepdims=True)
+                targets[f"{side}_{links[k]}"] = (link, foot)
+        targets[f"{side}_{LEG[0][2]}"] = (human[f"{name}Foot"], foot)
+        targets[f"{side}_{FOOT_LINK}"] = (pelvis, foot)
     return targets
 
 
-def soles(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
-    """Corners of both soles (T, 2, 4, 3), metres."""
+def on_robots_scale(model: mujoco.MjModel, motion: Motion) -> dict[str, np.ndarray]:
+    """The performer's joints with legs as long as the robot's, standing on its soles."""
+    human, rest = motion.places, at_rest(model)
+    legs = [
+        np.linalg.norm(human[name + b] - human[name + a], axis=1).mean()
+        for name in SIDES.values()
+        for a, b in itertools.pairwise(LEG[1])
+    ]
+    hip, ankle = rest[f"l_{LEG[0][0]}"], rest[f"l_{LEG[0][2]}"]
+    scale = np.linalg.norm(hip - ankle) / (0.5 * sum(legs))
+    lower = np.minimum(human["LeftFoot"][:, 2], human["RightFoot"][:, 2])
+    sole = soles(model, model.qpos0[None])[..., 2].min()
+    lift = ankle[2] - sole - scale * np.median(lower)
+    return {name: scale * place + [0, 0, lift] for name, place in human.items()}
+
+
+def at_rest(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """Places of the bodies with all angles 0."""
     data = mujoco.MjData(model)
-    ids = [model.site(f"{side}_sole{n}").id for side in ("left", "right") for n in range(4)]
+    mujoco.mj_kinematics(model, data)
+    return {model.body(b).name: data.xpos[b].copy() for b in range(model.nbody)}
+
+
+def soles(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
+    """Corners of both soles (T, 2, 4, 3), metres: the spheres of the feet."""
+    data, sphere = mujoco.MjData(model), mujoco.mjtGeom.mjGEOM_SPHERE
+    feet = [model.body(f"{side}_{FOOT_LINK}").id for side in SIDES]
+    ids = [np.flatnonzero((model.geom_bodyid == f) & (model.geom_type == sphere)) for f in feet]
     corners = []
     for q in qpos:
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        corners.append(data.site_xpos[ids].reshape(2, 4, 3).copy())
+        corners.append(data.geom_xpos[np.array(ids)])
     return np.array(corners)
 
 
-def lowest_hand(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
-    """Height (T,) of the lower hand's underside, metres."""
-    data = mujoco.MjData(model)
-    ids = [model.body(f"{side}_hand").id for side in ("left", "right")]
-    heights = []
+def below_floor(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
+    """Depth (T,) of the robot's lowest part in the floor, metres; 0 where it only touches it."""
+    data, floor = mujoco.MjData(model), model.geom("floor").id
+    depths = []
     for q in qpos:
         data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        heights.append(data.xpos[ids, 2].min() - HAND)
-    return np.array(heights)
-
-
-def on_floor(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
-    """The same at the height at which the lower sole is on the floor in the median frame."""
-    lowest = soles(model, qpos)[..., 2].min(axis=(1, 2))
-    shifted = qpos.copy()
-    shifted[:, 2] -= np.median(lowest)
-    return shifted
+        mujoco.mj_fwdPosition(model, data)
+        on_it = (data.contact.geom == floor).any(axis=1)
+        depths.append(max(0.0, -data.contact.dist[on_it].min(initial=0.0)))
+    return np.array(depths)
 
 
 def measure(model: mujoco.MjModel, qpos: np.ndarray, fps: float) -> dict[str, float]:
     """What a controller would have to mend, by the table's columns."""
-    corners, hands = soles(model, qpos), lowest_hand(model, qpos)
-    depth = np.maximum(-corners[..., 2].min(axis=(1, 2)), 0)
+    corners, depth = soles(model, qpos), below_floor(model, qpos)
     middle = corners.mean(axis=2)
     low = corners[..., 2].mean(axis=2) < NEAR_M
     planted = low[1:] & low[:-1]
@@ -284,9 +263,8 @@ def measure(model: mujoco.MjModel, qpos: np.ndarray, fps: float) -> dict[str, fl
     at_limit = (angles < ranges[:, 0] + AT_LIMIT_RAD) | (angles > ranges[:, 1] - AT_LIMIT_RAD)
     jerk = np.diff(angles, 3, axis=0) * fps**3
     return {
-        "soles below the floor, mean mm": 1000 * depth.mean(),
+        "below the floor, mean mm": 1000 * depth.mean(),
         "largest, mm": 1000 * depth.max(),
-        "hands below, mean mm": 1000 * np.maximum(-hands, 0).mean(),
         "planted feet, mm/s": 1000 * speed[planted].mean() if planted.any() else np.nan,
         "frames planted, %": 100 * low.any(axis=1).mean(),
         "at a limit, % of angles": 100 * at_limit.mean(),
@@ -294,12 +272,12 @@ def measure(model: mujoco.MjModel, qpos: np.ndarray, fps: float) -> dict[str, fl
     }
 
 
-def table(rows: list[tuple[Path, dict[str, float]]]) -> str:
+def table(motions: dict[str, dict[str, float]]) -> str:
     """Markdown."""
-    columns = list(rows[0][1])
+    columns = list(next(iter(motions.values())))
     lines = ["| motion | " + " | ".join(columns) + " |", "|---|" + "---:|" * len(columns)]
-    for file, numbers in rows:
-        lines.append(f"| {file} | " + " | ".join(f"{numbers[c]:.1f}" for c in columns) + " |")
+    for name, numbers in motions.items():
+        lines.append(f"| {name} | " + " | ".join(f"{numbers[c]:.1f}" for c in columns) + " |")
     return "\n".join(lines)
 
 
@@ -308,7 +286,7 @@ def draw(file: Path, model: mujoco.MjModel, robots: list[np.ndarray]) -> None:
     import cv2
 
     camera = mujoco.MjvCamera()
-    camera.azimuth, camera.elevation, camera.distance = 130, -12, 2.6
+    camera.azimuth, camera.elevation, camera.distance = 130, -12, 2.2
     data, rows = mujoco.MjData(model), []
     with mujoco.Renderer(model, 320, 320) as renderer:
         for qpos in robots:
@@ -316,7 +294,7 @@ def draw(file: Path, model: mujoco.MjModel, robots: list[np.ndarray]) -> None:
             for t in np.linspace(0, len(qpos) - 1, 5).round().astype(int):
                 data.qpos[:] = qpos[t]
                 mujoco.mj_kinematics(model, data)
-                camera.lookat[:] = [*qpos[t, :2], 0.6]
+                camera.lookat[:] = [*data.body(TORSO).xpos[:2], 0.45]
                 renderer.update_scene(data, camera)
                 row.append(renderer.render().copy())
             rows.append(np.hstack(row))

@@ -11,7 +11,7 @@ from imocap_core.artifacts.side_files import refuse_links
 from imocap_core.artifacts.store import CACHE, Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
-from imocap_core.pipeline.action import DETECT, Action, find_action, read_action
+from imocap_core.pipeline.action import DETECT, Action, find_action, path_of, read_action
 from imocap_core.pipeline.graph import FILE_NAME as PIPELINE
 from imocap_core.pipeline.graph import Pipeline, read_pipeline, settings
 from imocap_core.pipeline.runner import Display, Job
@@ -93,7 +93,7 @@ class Workspace:
 
 def video_files(action: Action) -> dict[str, Path | None]:
     """Each video's file; None where action.yaml names none, or it is not there."""
-    named = {v.id: action.folder / v.video for v in action.videos if v.video is not None}
+    named = {v.id: path_of(action.folder, v.video) for v in action.videos if v.video is not None}
     there = {video: file for video, file in named.items() if file.is_file()}
     return {v.id: there.get(v.id) for v in action.videos}
 
@@ -118,5 +118,18 @@ def check_files(action: Action) -> None:
     missing = [(field, given) for field, given in named if not (action.folder / given).exists()]
     if missing:
         raise WorkFailed(
-            "\n".join(f"{action.file}: {f}: there is no {action.folder / g}" for f, g in missing)
+            "\n".join(f"{action.file}: {f}: {_why_missing(action.folder, g)}" for f, g in missing)
         )
+
+
+def _why_missing(folder: Path, given: str) -> str:
+    """A sentence on a path that leads nowhere, with what was probably meant."""
+    path = folder / given
+    if "://" in given:
+        return f"{given} is an address; download the file and name it here"
+    if (folder / given.replace("\\", "/")).exists():
+        return f"there is no {path}; write / instead of \\"
+    if given.startswith("~"):
+        return f"there is no {path}; write the whole path instead of ~"
+    alike = [f.name for f in path.parent.glob("*") if f.name.casefold() == path.name.casefold()]
+    return f"there is no {path}" + (f"; there is {alike[0]}" if alike else "")

@@ -185,6 +185,7 @@ class Reading:
         rate: numbers of keypoints a frame.
         step: of the numbers, where only every second frame or so was detected.
         linear, shift: shown pixels = linear @ pixels of the file + shift.
+        exchanged: the file has y before x.
         words: how they are read, empty for as they are.
     """
 
@@ -193,6 +194,7 @@ class Reading:
     step: int = 1
     linear: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     shift: tuple[float, float] = (0.0, 0.0)
+    exchanged: bool = False
     words: tuple[str, ...] = ()
 
     def places(self, file_px: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any 2"]:
@@ -221,7 +223,7 @@ class Reading:
     @property
     def mirrored(self) -> bool:
         """Whether the keypoints are of the mirror image of the shown picture."""
-        return bool(np.linalg.det(np.array(self.linear)) < 0)
+        return bool(np.linalg.det(np.array(self.linear)) < 0) != self.exchanged
 
     def read(self, given: DetectedPeople, count: int, layout: str) -> DetectedPeople:
         """The people of the video's frames 0 to count - 1, where there are any."""
@@ -256,9 +258,15 @@ def reading_of(
     ValueError when they are of another video, or of no version of it that is known.
     """
     times = _in_steps(_timings(given.frames, info.frame_count, where, used), given.frames)
-    places = [Reading()] if placed else _placings(given, info)
+    places = [Reading()] if placed else _in_both_orders(_placings(given, info), given, info.size)
     options = [
-        replace(place, first=time.first, rate=time.rate, words=(*time.words, *place.words))
+        replace(
+            time,
+            linear=place.linear,
+            shift=place.shift,
+            exchanged=place.exchanged,
+            words=(*time.words, *place.words),
+        )
         for time in times
         for place in places
     ]
@@ -352,6 +360,32 @@ def _placings(given: DetectedPeople, info: VideoInfo) -> list[Reading]:
     if not fitting:  # `check_fits_picture` refuses it unless the pictures speak for another
         return [bases[0], *options]
     return options
+
+
+def _in_both_orders(
+    places: list[Reading], given: DetectedPeople, size: tuple[int, int]
+) -> list[Reading]:
+    """The same, and with y before x where the points are shares (MoveNet's are so), or where that
+    makes lying people stand."""
+    people = [p[0, p[0, :, 2] > SEEN, :2] for p in given.people if len(p)]
+    extents = [np.ptp(places[0].places(points), axis=0) for points in people if len(points) > 1]
+    points = _points(given)
+    if not extents or (
+        np.subtract(*np.median(extents, axis=0)) <= 0 and not _are_shares(points, size)
+    ):
+        return places
+    words = "the keypoints have y before x"
+    turned = [
+        replace(
+            place,
+            linear=((b, a), (d, c)),
+            exchanged=not place.exchanged,
+            words=(*place.words, words),
+        )
+        for place in places
+        for (a, b), (c, d) in [place.linear]
+    ]
+    return [*places, *(place for place in turned if _fits(place.places(points), size))]
 
 
 def reading_without_video(given: DetectedPeople, size: tuple[int, int]) -> Reading:

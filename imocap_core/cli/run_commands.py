@@ -125,8 +125,7 @@ def _watch(
                 done = run_action(name, root=root, progress=display, **options)
             _print_summary(console, done, verbose)
             if (after := watching.last_result(root, name)) is not None:
-                plain.print(watching.compared(update, before, after))
-                watching.record(root, update, before, after)
+                plain.print(watching.record(root, update, before, after))
         except ImocapError as error:  # too few clips yet, or a bad one: others may come
             plain.print(str(error))
 

@@ -23,7 +23,7 @@ from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.errors import WorkFailed
 from imocap_core.io.frame_access import check_video, decode_whole
 from imocap_core.params import DetectParams
-from imocap_core.pipeline.action import DETECT, Action, Declaration
+from imocap_core.pipeline.action import DETECT, Action, Declaration, path_of
 
 if TYPE_CHECKING:
     from imocap_core.pipeline.runner import Display
@@ -70,7 +70,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         file = _file(action, declared, detector, store)
         assert file is not None
         assert declared.video is not None
-        undetected[file] = Undetected(action.folder / declared.video, file)
+        undetected[file] = Undetected(path_of(action.folder, declared.video), file)
     try:
         broken = detect_videos([*undetected.values()], detector, python, display.progress)
     finally:
@@ -93,7 +93,9 @@ def detect_one(
     display.started("detect", [f"{video} has no detections of {detector.version}"])
     python = set_up(detector, display.notice)
     with suppress(ValueError):
-        detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
+        detect_video(
+            path_of(action.folder, str(declared.video)), file, detector, python, display.progress
+        )
     share_detections(store, [file] if file.is_file() else [])
 
 
@@ -106,7 +108,7 @@ def _require_enough(action: Action, faults: Sequence[str]) -> None:
 def _fault(action: Action, declared: Declaration, *, to_the_end: bool) -> str:
     """Why a video cannot be read; empty where it can. Whether it can be decoded to its end takes a
     second for some hundred pictures, where the detector would take ten to come to that."""
-    video = action.folder / str(declared.video)
+    video = path_of(action.folder, str(declared.video))
     try:
         check_video(video)
         if to_the_end:
@@ -119,7 +121,7 @@ def _fault(action: Action, declared: Declaration, *, to_the_end: bool) -> str:
 def _file(action: Action, declared: Declaration, detector: Detector, store: Store) -> Path | None:
     """The file of a video's detections; None when the video or a model does not exist."""
     assert declared.video is not None
-    video = action.folder / declared.video
+    video = path_of(action.folder, declared.video)
     exist = all(path.is_file() for path in (video, *detector.models))
     return detections_file(store, video, detector) if exist else None
 

@@ -299,7 +299,8 @@ def detect_video(
     if not frames_with_people(arrays):
         raise WorkFailed(
             f"{video}: {detector.version} found no person in {len(answers)} frames; try another "
-            "detector (`imocap params detect` lists them), or give keypoints from elsewhere"
+            "detector (`imocap params detect` lists them), give keypoints from elsewhere, or "
+            "remove the video"
         )
     file.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".detect-{writer()}", dir=file.parent) as folder:

@@ -297,7 +297,8 @@ def write_h264(
 def open_video(path: Path) -> Any:
     """A video file's container, one of `CONTAINERS`. ValueError when it is none."""
     if not path.is_file():
-        raise ValueError(f"{path}: no such video file; check `video` in action.yaml")
+        fault = "is a folder, not a video" if path.is_dir() else "no such video file"
+        raise ValueError(f"{path}: {fault}; check `video` in action.yaml")
     try:
         return av.open(f"file:{path}", metadata_errors="replace", options=dict(ALONE))
     except (av.FFmpegError, OSError) as error:
@@ -312,11 +313,12 @@ def open_video(path: Path) -> Any:
 
 
 def video_stream(container: Any, path: Path) -> VideoStream:
-    """Its first video stream. ValueError where there is none that can be decoded."""
+    """The video stream that players show. ValueError where there is none that can be decoded."""
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if not streams:
         raise ValueError(f"{path}: no video stream; expected a video, got audio or data only")
-    stream: VideoStream = streams[0]
+    best = container.streams.best("video")
+    stream: VideoStream = best if best in streams else streams[0]
     stream.thread_type = "AUTO"
     if stream.codec_context is None:
         raise ValueError(f"{path}: its kind of compression cannot be decoded; re-encode it")

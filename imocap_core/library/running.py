@@ -32,6 +32,7 @@ from imocap_core.library.new_action import action_of_videos
 from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import repeated_files
+from imocap_core.pipeline.generation import LAST_RUN
 from imocap_core.pipeline.runner import Display, Job, Outcome
 from imocap_core.process import CPU, check_device
 from imocap_core.version import __version__
@@ -111,7 +112,6 @@ def available_bytes() -> int | None:
     return min(limits, default=None)
 
 
-FILE = "run.json"
 LARGE = ("initial_smpl", "sync", "smpl_ba", "refine_sync", "uncertainty")  # stages, in memory
 FORMAT = 1  # rises when a field changes its meaning or goes
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless", "av", "mcap", "pydantic")
@@ -216,7 +216,7 @@ def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
         warnings.showwarning = show
         with suppress(OSError):  # a store on a disk that can only be read
             text = json.dumps(log.document(error), indent=1, ensure_ascii=False, default=str)
-            write_whole(job.store.folder / job.action.name / FILE, text + "\n")
+            write_whole(job.store.folder / job.action.name / LAST_RUN, text + "\n")
         save_memory(job.store.folder)
 
 

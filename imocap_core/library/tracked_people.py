@@ -13,7 +13,7 @@ from imocap_core.errors import WorkFailed
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
-from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.action import Action, Declaration, path_of
 
 
 def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
@@ -70,7 +70,7 @@ def _performer_notes(
 
 def _followed(action: Action, declared: Declaration, params: KeypointsParams) -> DetectedVideo:
     given = action.detected.get(declared.id) if declared.detected else declared.keypoints
-    path = None if declared.video is None else action.folder / declared.video
+    path = None if declared.video is None else path_of(action.folder, declared.video)
     folder = None if given is None else action.folder / given
     return followed_video(declared, folder, path, action.file, params)
 

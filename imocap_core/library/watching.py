@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from imocap_core.errors import ImocapError
 from imocap_core.files import write_whole
 from imocap_core.library.new_action import (
@@ -22,6 +20,7 @@ from imocap_core.library.new_action import (
 from imocap_core.library.result import Result, load
 from imocap_core.pipeline.action import DETECT, FILE_NAME, declared_path, read_action
 from imocap_core.pipeline.yaml_file import edited_text
+from imocap_core.report.changes import compared, expected_error_mm, moved_mm
 
 POLL_S = 2.0
 HISTORY = "history.md"
@@ -104,48 +103,8 @@ def last_result(root: Path, action: str) -> Result | None:
         return None
 
 
-def compared(update: Update, before: Result | None, after: Result) -> str:
-    """A sentence on what the change was worth: how far the motion of the videos that were there
-    before has moved, and the expected errors."""
-    came = ", ".join(f"+{i}" for i in update.new) + "".join(f" -{i}" for i in update.gone)
-    moved, errors = moved_mm(before, after), [expected_error_mm(r) for r in (before, after)]
-    parts = [f"{len(after.ids)} video{'s' * (len(after.ids) != 1)} ({came.strip()})"]
-    if moved is not None:
-        parts.append(f"the motion of the others moved by {moved:.0f} mm")
-    if errors[1] is not None:
-        was = "" if errors[0] is None else f" ({errors[0]:.0f} before)"
-        parts.append(f"expected error {errors[1]:.0f} mm{was}")
-    return "; ".join(parts) + "."
-
-
-def moved_mm(before: Result | None, after: Result) -> float | None:
-    """Mean distance of root-relative joints of the videos in both results, in camera axes."""
-    if before is None:
-        return None
-    distances = []
-    for video in after:
-        if video.id not in before.ids or before[video.id].joints.shape != video.joints.shape:
-            continue
-        joints_m = [_in_camera(each) for each in (before[video.id], video)]
-        distances.append(np.linalg.norm(joints_m[0] - joints_m[1], axis=-1).mean())
-    return 1000 * float(np.mean(distances)) if distances else None
-
-
-def _in_camera(video: Any) -> np.ndarray:
-    relative = video.joints - video.joints[:, :1]
-    return np.asarray(np.einsum("tij,tkj->tki", video.camera.R_per_frame, relative))
-
-
-def expected_error_mm(result: Result | None) -> float | None:
-    """Mean standard deviation of all joints; None before the stage uncertainty has run."""
-    if result is None:
-        return None
-    sds = [video.uncertainty for video in result if video.uncertainty is not None]
-    return float(np.mean([np.nanmean(sd) for sd in sds])) if sds else None
-
-
-def record(root: Path, update: Update, before: Result | None, after: Result) -> Path:
-    """Add a row to artifacts/ACTION/history.md; its path."""
+def record(root: Path, update: Update, before: Result | None, after: Result) -> str:
+    """Add a row to artifacts/ACTION/history.md; a sentence that says the same."""
     file = root / "artifacts" / update.action / HISTORY
     text = file.read_text(encoding="utf-8") if file.is_file() else HEAD
     verdict = "" if after.verdict is None else after.verdict.summary[0]
@@ -160,4 +119,4 @@ def record(root: Path, update: Update, before: Result | None, after: Result) -> 
         verdict.replace("|", " "),
     )
     write_whole(file, text + "| " + " | ".join(row) + " |\n")
-    return file
+    return compared(before, after)

@@ -149,7 +149,7 @@ Model = TypeVar("Model", bound=BaseModel)
 class Declaration(BaseModel):
     """One video as action.yaml declares it; paths are relative to the action's folder."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", coerce_numbers_to_str=True)
 
     id: Id
     video: str | None = None
@@ -334,6 +334,12 @@ def declared_path(file: Path, folder: Path) -> str:
         return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
     except ValueError:
         return file.resolve().as_posix()
+
+
+def path_of(folder: Path, declared: str) -> Path:
+    """The inverse of `declared_path`, without `..`, for messages too."""
+    path = folder / declared
+    return path.resolve() if ".." in path.parts else path
 
 
 FOLDERS = {"video": "videos", "keypoints": "keypoints", "initial": "initial"}  # by key

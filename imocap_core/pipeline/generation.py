@@ -144,6 +144,7 @@ def _variant(job: Job, stale: list[Stale]) -> str:
 
 
 FILE = "timings.json"
+LAST_RUN = "run.json"  # the record of the action's last run (`library.running`)
 
 
 def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:

@@ -79,6 +79,7 @@ from imocap_core.pipeline.action import (
     AnchorEntry,
     Declaration,
     ForbiddenEntry,
+    path_of,
     placed,
 )
 from imocap_core.pipeline.source import content_digest, module_name
@@ -276,7 +277,7 @@ class Context:
         return self._action.detected.get(video_id) if given == DETECT else self._path(given)
 
     def _path(self, given: str | None) -> Path | None:
-        return None if given is None else self._action.folder / given
+        return None if given is None else path_of(self._action.folder, given)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def load_yaml(file: Path) -> Any:
     except (yaml.YAMLError, RecursionError) as error:
         raise WorkFailed(f"{file} is not YAML: {' '.join(str(error).split())[:300]}") from None
     except UnicodeDecodeError as error:
-        raise WorkFailed(f"cannot read {file}: {error}") from None
+        raise WorkFailed(f"cannot read {file}: {error}; save it as UTF-8") from None
     except ValueError as error:  # a number or a date that cannot be
         reason = str(error)
         raise WorkFailed(reason if str(file) in reason else f"{file}: {reason}") from None

@@ -13,6 +13,7 @@ from imocap_core.biomechanics.joint_angles import near
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.page_figures import key_angle_figure
 from imocap_core.figures.style import color_of
+from imocap_core.report.changes import compared
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import video_angles
@@ -38,6 +39,7 @@ class FirstPage:
 
     moment: which moment the table is of, in words. head, rows: the table. differences: sentences
     on where the videos' angles differ by more than their error. figure: the angles over time.
+    since: what has changed since the last run; empty where nothing has.
     """
 
     moment: str
@@ -45,10 +47,14 @@ class FirstPage:
     rows: tuple[tuple[str, ...], ...]
     differences: tuple[str, ...]
     figure: Figure
+    since: str = ""
 
 
-def first_page(result: ActionResult) -> FirstPage | None:
-    """The first page of a result; None when no video has a place on the common time axis."""
+def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage | None:
+    """The first page of a result; None when no video has a place on the common time axis.
+
+    before: the last run's result, if this one differs.
+    """
     level = result.levelled("y")
     try:
         common = level.on_common_time()
@@ -74,6 +80,7 @@ def first_page(result: ActionResult) -> FirstPage | None:
         figure=key_angle_figure(
             ids, phase_s, {name: curves[name] for name in names}, colors, float(phase_s[t])
         ),
+        since="" if before is None else f"Since the last run: {compared(before, result)}",
     )
 
 

@@ -196,7 +196,7 @@ def _first(folder: Path, contents: Contents, first: FirstPage | None) -> str:
     """The same moments, the body, the key angles and the differences."""
     pictures = {p.file.partition(".")[0].partition("_")[0]: p for p in contents.pictures[::-1]}
     moments, body = (pictures.get(name) for name in ("moments", "body"))
-    text = ""
+    text = f"<p>{html.escape(first.since)}</p>\n" if first is not None and first.since else ""
     if moments is not None:
         text += f"<h2>The same moments</h2>\n{_figure(folder, moments)}"
     of_body = (
@@ -240,6 +240,7 @@ def markdown_page(
     """The same as Markdown, nothing folded, for a repository or a terminal."""
     text = [f"# {contents.title}: {LEVELS[verdict.level].lower()}\n"]
     text += [f"{sentence}\n" for sentence in verdict.summary]
+    text += [f"{first.since}\n"] if first is not None and first.since else []
     text += [] if first is None else _angles_in_markdown(first)
     if verdict.findings:
         details = "\n".join(f"* {finding.sentence}" for finding in verdict.findings)

@@ -39,6 +39,7 @@ from imocap_core.figures.style import quiet, save
 from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
+from imocap_core.report.changes import last_result
 from imocap_core.report.first_page import ANGLES, first_page
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_files import PAGE, TEXT, links
@@ -146,7 +147,8 @@ def write_page(
     verdict = verdict_of_artifacts(artifacts)
     assert verdict is not None
     with quiet():
-        first = first_page(read_result(artifacts, ActionResult))
+        before = last_result(job, stored)
+        first = first_page(read_result(artifacts, ActionResult), before)
         if first is not None:
             save(first.figure, folder / ANGLES)
     pages = links(folder.parent, job.action.name)

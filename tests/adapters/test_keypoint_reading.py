@@ -3,7 +3,6 @@
 from fractions import Fraction
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 
@@ -12,42 +11,10 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices
 from imocap_core.io.readers.people import DetectedPeople
 from imocap_core.io.video import probe
+from tests.io.made_film import COUNT, WIDTH, film, joints
 
-WIDTH, HEIGHT, COUNT = 320, 240, 60
 LAYOUT = "coco17"
 TWINS = list(mirror_indices(layout_names(LAYOUT)))
-ONE = 1 << 16
-
-
-def joints(time: np.ndarray) -> np.ndarray:
-    """(T, 17, 2) stored pixels of somebody who moves; time in frames."""
-    rng = np.random.default_rng(0)
-    middle = rng.uniform((90, 50), (230, 225), (17, 2))
-    turn = rng.uniform(0, 6, (17, 2)) + time[:, None, None] / 6
-    return middle + 9 * np.sin(turn)
-
-
-def film(path: Path, *, aspect: Fraction | None = None, flip: bool = False) -> Path:
-    """Textured patches at the joints, over a textured wall."""
-    rng = np.random.default_rng(1)
-    wall = rng.integers(60, 130, (HEIGHT // 4, WIDTH // 4)).repeat(4, 0).repeat(4, 1)
-    patches = rng.integers(0, 255, (17, 6, 6)).repeat(4, 1).repeat(4, 2)
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=30)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        stream.options = {"crf": "15", "preset": "ultrafast"}
-        if aspect is not None:
-            stream.sample_aspect_ratio = aspect
-        if flip:
-            stream.set_display_matrix([-ONE, 0, 0, 0, ONE, 0, 0, 0, 1 << 30])
-        for xy in joints(np.arange(COUNT)):
-            picture = wall.astype(np.uint8)
-            for (x, y), patch in zip(xy.round().astype(int), patches, strict=True):
-                picture[y - 12 : y + 12, x - 12 : x + 12] = patch[: 12 + HEIGHT - y]
-            frame = av.VideoFrame.from_ndarray(picture, format="gray")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -77,12 +44,6 @@ def read(given: DetectedPeople, clip: Path, **known: object) -> tuple[Reading, n
 FRAMES = np.arange(COUNT)
 
 
-def test_keypoints_of_this_video_stay_as_they_are(clip: Path) -> None:
-    reading, xy = read(detected(FRAMES), clip)
-    assert reading == Reading()
-    assert np.array_equal(xy, joints(FRAMES))
-
-
 @pytest.mark.parametrize("scale", [0.5, 2 / 3, 2.0])
 def test_keypoints_of_a_copy_of_another_size(clip: Path, scale: float) -> None:
     reading, xy = read(detected(FRAMES, scale=scale), clip)
@@ -96,25 +57,6 @@ def test_somebody_small_in_a_corner_stays_there(tmp_path: Path) -> None:
     still = DetectedPeople(given.frames, tuple(given.people[0] for _ in given.people))
     reading, _ = read(still, film(tmp_path / "a.mp4"))
     assert reading == Reading()  # nothing moves: nothing can be told
-
-
-@pytest.mark.parametrize(
-    ("time", "first", "words"),
-    [
-        (FRAMES, 1, "numbered from 1"),
-        (FRAMES[:-3], 1, "numbered from 1"),
-        (FRAMES[[0, 1, 2, *range(8, 58)]], 1, "numbered from 1"),
-        (FRAMES[20:], 1, "numbered from 1"),
-        (FRAMES, 440, "numbered from 440"),
-    ],
-)
-def test_numbers_that_do_not_begin_with_0(
-    clip: Path, time: np.ndarray, first: int, words: str
-) -> None:
-    reading, xy = read(detected(time, time + first), clip)
-    assert reading.words == (f"the keypoints are {words}",)
-    assert np.allclose(xy[time], joints(time))
-    assert np.isnan(np.delete(xy, time, axis=0)).all()
 
 
 @pytest.mark.parametrize("rate", [Fraction(1, 2), Fraction(3, 2), Fraction(2), Fraction(4, 5)])
@@ -137,46 +79,13 @@ def test_every_second_or_third_frame_under_its_number(clip: Path, step: int, fir
         "these"
     )
     assert np.allclose(xy[time], joints(time))
-    assert np.nanmax(np.abs(xy - joints(FRAMES))[: 4 * step]) < 1.5  # straight between two
-
-
-def test_a_clip_of_a_longer_video_that_was_detected_whole(clip: Path) -> None:
-    reading, xy = read(detected(np.arange(90)), clip)
-    assert np.allclose(xy, joints(FRAMES))
-    assert reading.words == ("the keypoints go on after the video's last frame, to frame 89",)
-
-
-@pytest.mark.parametrize(
-    ("numbers", "message"),
-    [
-        (np.arange(65), "keypoints of 65 frames, and the video has 60"),
-        (np.arange(440, 480), r"numbered 440 to 479, and the video has 60 \(0 to 59\)"),
-        (np.arange(30, 80), "numbered 30 to 79, and the video has 60"),
-    ],
-)
-def test_numbers_that_fit_nothing_are_refused(
-    clip: Path, numbers: np.ndarray, message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        read(detected(np.arange(len(numbers)), numbers), clip)
+    assert np.max(np.abs(xy - joints(FRAMES))[: 4 * step]) < 1.5  # straight between two
 
 
 def test_only_the_used_part_was_detected(clip: Path) -> None:
     reading, xy = read(detected(FRAMES[20:50], np.arange(30)), clip, used=(20, 50))
     assert np.allclose(xy[20:50], joints(FRAMES[20:50]))
     assert reading.words == ("the keypoints are numbered from frame 20 on",)
-
-
-@pytest.mark.parametrize("scale", [None, 2.0])
-def test_shares_of_the_picture(clip: Path, scale: float | None) -> None:
-    given = detected(FRAMES)
-    shares = np.array([p[0, :, :2] for p in given.people]) / (WIDTH, HEIGHT)
-    if scale:
-        shares = 2 * shares - 1
-    people = np.concatenate([shares, np.full((COUNT, 17, 1), 0.9)], axis=-1)[:, None]
-    reading, xy = read(DetectedPeople(given.frames, tuple(people)), clip)
-    assert np.allclose(xy, joints(FRAMES))
-    assert "shares of the picture" in reading.words[0]
 
 
 def test_pixels_that_are_not_square(tmp_path: Path) -> None:

@@ -98,10 +98,7 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
     capsys.readouterr()
     assert toy.imocap(["run", "mine"]) == 1
     message = capsys.readouterr().err
-    assert (
-        f"{action.folder / str(action.videos[0].video)}: expected a video, got an empty file"
-        in message
-    )
+    assert f"{clips[0].resolve()}: expected a video, got an empty file" in message
     assert "fault of the program" not in message
     assert message.count("\n") == 2  # a line for each of the two
     assert toy.imocap(["init", "mine", str(clips[0])]) == 2

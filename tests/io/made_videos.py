@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 FPS = 25
+PIXELS = {"gif": "rgb8", "mjpeg": "yuvj420p"}  # of other encoders yuv420p
 TURNED = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, 0, 0, 1 << 30)  # by a quarter
 
 
@@ -44,7 +45,7 @@ def write_video(
         container.metadata.update(metadata or {})
         stream = container.add_stream(codec, rate=rate)
         stream.width, stream.height = size
-        stream.pix_fmt = "yuv420p"
+        stream.pix_fmt = PIXELS.get(codec, "yuv420p")
         stream.options = {"g": "5"}
         if aspect is not None:
             stream.sample_aspect_ratio = aspect

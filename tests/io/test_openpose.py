@@ -30,15 +30,6 @@ def test_frames_people_and_points_keep_their_places(tmp_path):
     assert detected.people[0][1, 4].tolist() == [204.0, 24.0, 0.5]
 
 
-def test_a_point_without_confidence_is_missing(tmp_path):
-    values = body()
-    values[6:9] = [0, 0, 0]
-    write(tmp_path, 0, [values])
-    person = read_openpose(tmp_path, "body25").people[0][0]
-    assert np.isnan(person[2, :2]).all()
-    assert person[2, 2] == 0
-
-
 def test_a_person_with_only_hands_is_no_body(tmp_path):
     write(tmp_path, 0, [[], body()])
     assert len(read_openpose(tmp_path, "body25").people[0]) == 1
@@ -66,13 +57,6 @@ def test_folders_without_frames_are_refused(tmp_path):
         read_openpose(tmp_path, "body25")
     (tmp_path / "clip.json").write_text("{}")
     with pytest.raises(ValueError, match="expected a frame number"):
-        read_openpose(tmp_path, "body25")
-
-
-def test_two_files_of_one_frame_are_refused(tmp_path):
-    write(tmp_path, 7, [])
-    (tmp_path / "other_7.json").write_text("{}")
-    with pytest.raises(ValueError, match="frame 7 has two files"):
         read_openpose(tmp_path, "body25")
 
 

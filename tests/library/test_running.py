@@ -22,6 +22,7 @@ from imocap_core.library.api_errors import one_off
 from imocap_core.library.run_document import run_document
 from imocap_core.library.running import run_action
 from imocap_core.pipeline.action import read_action
+from imocap_core.report.changes import compared, expected_error_mm, moved_mm
 from tests.io.made_videos import write_video
 from tests.library.conftest import SmallRun
 
@@ -318,17 +319,18 @@ def test_an_action_takes_new_clips_and_keeps_what_it_has(tmp_path: Path) -> None
 def test_a_change_is_compared_with_the_last_result(small_run: SmallRun, tmp_path: Path) -> None:
     result = small_run.result
     update = watching.Update("serve", ["v2"], [])
-    sentence = watching.compared(update, result, result)
-    assert sentence.startswith("2 videos (+v2); the motion of the others moved by 0 mm")
-    assert watching.moved_mm(None, result) is None
+    assert moved_mm(None, result) is None
     (tmp_path / "artifacts" / "serve").mkdir(parents=True)
     for _ in range(2):
-        file = watching.record(tmp_path, update, result, result)
+        sentence = watching.record(tmp_path, update, result, result)
+        assert sentence == compared(result, result)
+        assert sentence.startswith("2 videos; the motion of all moved by 0 mm; expected error ")
+    file = tmp_path / "artifacts" / "serve" / watching.HISTORY
     rows = file.read_text(encoding="utf-8").splitlines()
     assert len(rows) == 4
     assert rows[2] == rows[3]
     assert rows[2].startswith("| 2 | v2 |  | 0 | ")
-    error = watching.expected_error_mm(result)
+    error = expected_error_mm(result)
     assert error is not None
     assert np.isfinite(error)
     shutil.rmtree(tmp_path / "artifacts")

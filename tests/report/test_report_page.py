@@ -33,6 +33,7 @@ FIRST = FirstPage(
     rows=(("right knee bend", "63°", "9°", "± 5°", "2° to 90°"),),
     differences=("v2's right knee is 54° straighter than v1's",),
     figure=Figure(),
+    since="Since the last run: 3 videos (+v3).",
 )
 
 
@@ -72,6 +73,7 @@ def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> 
     assert re.findall(r'href="(?!#)([^"]*)"', page) == ["../report/viewer.html"]
     assert "waving &lt;b&gt;" in page
     assert "Files: v1 is side &amp; front.mp4." in page
+    assert page.index("Since the last run: 3 videos (+v3).") < page.index("The same moments")
     assert "abc123" in page[:400]
 
 

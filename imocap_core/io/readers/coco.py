@@ -224,13 +224,18 @@ def read_ultralytics(path: Path, layout: str) -> DetectedPeople:
 
 
 def people_of(entry: Any) -> Any:
-    """The people of a frame, whose entry may be text, `predictions`, or a list of their list."""
+    """The people of a frame, whose entry may be text, one person, a list of their list, or a
+    dictionary of somebody's own with one list."""
     if isinstance(entry, str):
         try:
             return json.loads(entry)
         except (ValueError, RecursionError):
             return None
-    entry = entry["predictions"] if isinstance(entry, dict) and "predictions" in entry else entry
+    if isinstance(entry, dict) and "keypoints" in entry:
+        return [entry]
+    if isinstance(entry, dict) and "instances" not in entry:
+        lists = [value for value in entry.values() if isinstance(value, list)]
+        entry = entry.get("predictions", lists[0] if len(lists) == 1 else entry)
     nested = isinstance(entry, list) and len(entry) == 1 and isinstance(entry[0], list)
     return entry[0] if nested else entry
 
@@ -243,18 +248,29 @@ def is_person(entry: Any) -> bool:
 
 def _json(path: Path, layout: str) -> dict[int, list[Float[np.ndarray, "K 3"]]]:
     listed = read_json(path)
+    if isinstance(listed, dict):
+        listed = listed.get("frames", listed)
     if not isinstance(listed, list):
         raise ValueError(f"{path}: expected a list with one entry a frame, got {type_name(listed)}")
-    people = {}
-    for frame, entry in enumerate(listed):
-        in_frame = people_of(entry)
+    people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
+    for i, entry in enumerate(listed):
+        in_frame, where = people_of(entry), f"{path}: [{i}]"
         if not isinstance(in_frame, list):
-            raise ValueError(f"{path}: [{frame}]: expected a list of people, got {short(entry)}")
-        people[frame] = [
-            _ultralytics_person(person, layout, f"{path}: [{frame}][{n}].keypoints")
+            raise ValueError(f"{where}: expected a list of people, got {short(entry)}")
+        people.setdefault(_number(entry, i, where), []).extend(
+            _ultralytics_person(person, layout, f"{where}[{n}].keypoints")
             for n, person in enumerate(in_frame)
-        ]
+        )
     return people
+
+
+NUMBERS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number", "image_id")
+
+
+def _number(entry: Any, place: int, where: str) -> int:
+    """The frame number that an entry of somebody's own has, else its place."""
+    name = next((n for n in NUMBERS if isinstance(entry, dict) and n in entry), None)
+    return place if name is None else frame_number(entry[name], f"{where}.{name}")
 
 
 def _ultralytics_person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
@@ -329,7 +345,8 @@ def read_tfjs(path: Path, layout: str) -> DetectedPeople:
 
 def tfjs_people(entry: Any) -> list[dict[str, Any]]:
     """The people of a frame's entry who have named points."""
-    listed = entry if isinstance(entry, list) else [entry]
+    people = people_of(entry)
+    listed = people if isinstance(people, list) else []
     return [p for p in listed if isinstance(p, dict) and tfjs_names(p.get("keypoints"))]
 
 

@@ -6,7 +6,7 @@ file has them stacked over frames, (T, P, K, 2) and (T, P, K), with one person a
 ``keypoints`` (..., 3) contains the scores. ``frames`` (T,) are the frame numbers; without it they
 count from 0. A person who is not in a frame is NaN, or has no score above 0.
 
-An npy file is `keypoints` alone; without scores every finite point counts as certain. FreeMoCap's
+An npy file is `keypoints` alone. Without scores every finite point counts as certain. FreeMoCap's
 2D data is of this kind, (cameras, T, points, 2) with MediaPipe's 33 body points first: of several
 cameras each video needs its own part. A CSV has a row a frame and the columns x0, y0, c0, ... or
 left_knee_x, ...
@@ -47,10 +47,12 @@ from imocap_core.io.readers.joint_estimators import NAMES, POINTS_2D, saved_peop
 from imocap_core.io.readers.mediapipe import points_of_csv
 from imocap_core.io.readers.people import (
     LAYOUT_OF_COUNT,
+    TABLES,
     DetectedPeople,
     cleaned,
     detections,
     must_have_layout,
+    short,
     type_name,
 )
 
@@ -64,7 +66,7 @@ _CAMERAS = (
 
 def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames. ValueError names file, field, expected and got."""
-    arrays = _of_csv(path) if path.suffix.lower() == ".csv" else load_arrays(path)
+    arrays = _of_csv(path) if path.suffix.lower() in TABLES else load_arrays(path)
     if path.suffix.lower() == ".npy":
         arrays = _of_npy(arrays["keypoints"], layout, path)
     one_person = "keypoints" in arrays and arrays["keypoints"].ndim == 3
@@ -81,6 +83,8 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
             "action.yaml"
         )
     if table.shape[-1] == 2:
+        if "scores" not in arrays:
+            arrays = {**arrays, "scores": np.isfinite(table).all(axis=-1).astype(float)}
         scores = numbers(arrays, "scores", table.shape[:-1], path)
         table = np.concatenate([table, scores[..., None]], axis=-1)
     if table.shape[-1] != 3:
@@ -92,7 +96,12 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     if "frames" in arrays:
         frames = numbers(arrays, "frames", (len(table),), path).astype(np.int64)
     if len(set(frames.tolist())) < len(frames) or (len(frames) and frames.min() < 0):
-        raise ValueError(f"{path}: frames: expected different numbers from 0, got {frames}")
+        numbers_, times = np.unique(frames, return_counts=True)
+        wrong = numbers_[(times > 1) | (numbers_ < 0)].tolist()
+        raise ValueError(
+            f"{path}: frames: expected different numbers from 0, got {short(wrong)}, negative or "
+            "twice; number the frames from 0"
+        )
     people = cleaned(table if not one_person else table[:, None])
     present = {int(n): _present(in_frame) for n, in_frame in zip(frames, people, strict=True)}
     return detections(present, layout, path)
@@ -112,6 +121,7 @@ def _of_npy(
     table: Shaped[np.ndarray, "..."], layout: str, path: Path
 ) -> dict[str, Shaped[np.ndarray, "..."]]:
     """The arrays of an npz for those of an npy: (T, K, 2 or 3), FreeMoCap's of one camera."""
+    table = people_last(table)
     if table.ndim == 4 and len(table) == 1 and layout in OF_MEDIAPIPE:
         table = table[0]
     if table.ndim == 4 and table.shape[2] >= WITH_HANDS and layout in OF_MEDIAPIPE:
@@ -122,9 +132,12 @@ def _of_npy(
         )
     if layout in OF_MEDIAPIPE and table.ndim == 3:
         table = table[:, :33, :2]
-    if table.shape[-1] == 2:
-        return {"keypoints": table, "scores": np.isfinite(table).all(axis=-1).astype(float)}
     return {"keypoints": table}
+
+
+def people_last(table: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, "..."]:
+    """(T, P, K, n) of MoveNet's outputs (T, 1, P, K, n); others as they are."""
+    return table[:, 0] if table.ndim == 5 and table.shape[1] == 1 else table
 
 
 def _present(people: Float[np.ndarray, "P K 3"]) -> list[Float[np.ndarray, "K 3"]]:

@@ -39,6 +39,7 @@ from imocap_core.io.readers.keypoint_arrays import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.readers.keypoint_arrays import (
     WITH_HANDS,
     is_sam3d,
+    people_last,
     read_cpn_npz,
     read_keypoints_npz,
     read_sam3d_keypoints,
@@ -52,9 +53,16 @@ from imocap_core.io.readers.mediapipe import (
     points_of_csv,
     read_mediapipe,
 )
-from imocap_core.io.readers.openpose import read_easymocap, read_openpose
+from imocap_core.io.readers.openpose import (
+    numbers_of,
+    people_in,
+    read_easymocap,
+    read_openpose,
+)
 from imocap_core.io.readers.people import (
+    JSON_LINES,
     LAYOUT_OF_COUNT,
+    TABLES,
     DetectedPeople,
     best_layout,
     cleaned,
@@ -77,11 +85,11 @@ def guess_file(path: Path) -> Guess:
         return _guess_npz(path)
     if suffix == ".npy":
         return _guess_npy(path)
-    if suffix == ".csv":
+    if suffix in TABLES:
         return _guess_csv(path)
     if is_hdf5(path):
         return _guess_h5(path)
-    if suffix == ".json":
+    if suffix in (".json", *JSON_LINES):
         return _guess_json(path)
     return None, None, []
 
@@ -104,8 +112,8 @@ def _guess_json(path: Path) -> Guess:
         return kind
     if is_sam3d(listed):
         return "sam3d_body", SAM3D_LAYOUT, []
-    if isinstance(first.get("people"), list):
-        of_frames = [e for e in listed if isinstance(e, dict) and isinstance(e.get("people"), list)]
+    if people_in(first) is not None:
+        of_frames = [entry for entry in listed if people_in(entry) is not None]
         return "openpose", None, list(_people(of_frames[:PEOPLE_LOOKED_AT]))
     if "image_id" in first:
         alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
@@ -223,7 +231,7 @@ def _guess_npz(path: Path) -> Guess:
 
 
 def _guess_npy(path: Path) -> Guess:
-    table = load_arrays(path)["keypoints"]
+    table = people_last(load_arrays(path)["keypoints"])
     if table.ndim not in (3, 4):
         return None, None, []
     count = table.shape[-2]
@@ -269,6 +277,8 @@ OTHERS = {  # what files that are not read are, by their suffix
     **dict.fromkeys((".trc", ".c3d", ".bvh", ".mot", ".fbx"), _MOTION),
     **dict.fromkeys((".pkl", ".pickle", ".pt", ".pth", ".joblib"), _RESULT),
     **dict.fromkeys((".mp4", ".mov", ".avi", ".mkv", ".webm"), _VIDEO),
+    **dict.fromkeys((".zip", ".gz", ".7z", ".rar", ".tar", ".tgz"), "is packed; unpack it first"),
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), "is a spreadsheet; save it as CSV"),
     ".slp": "is SLEAP's project; export its analysis as CSV or HDF5 (SLEAP: File, Export Analysis)",
     ".xml": "is an annotation; export it as COCO keypoints (CVAT: COCO Keypoints 1.0)",
 }
@@ -327,7 +337,7 @@ def _guess_folder(path: Path) -> Guess:
         )
     step = max(1, len(files) // FILES_LOOKED_AT)
     contents = [read_json(file) for file in files[::step]]
-    if all(isinstance(c, dict) and isinstance(c.get("people"), list) for c in contents):
+    if all(people_in(content) is not None for content in contents):
         return "openpose", None, list(_people(contents))
     guess = guess_frames(path, contents)
     if guess[0] is None:
@@ -387,8 +397,8 @@ def _misfit(layout: str, people: Float[np.ndarray, "P K 3"]) -> float:
 def _people(contents: Sequence[Any]) -> Iterator[Person]:
     """Each person of some OpenPose files who has a detected point."""
     for content in contents:
-        for person in content["people"]:
-            values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
+        for person in people_in(content) or []:
+            values = numbers_of(person)
             if isinstance(values, list) and values and len(values) % 3 == 0:
                 try:
                     body = np.array(values, dtype=np.float64).reshape(-1, 3)

@@ -39,6 +39,7 @@ from imocap_core.io.readers.joint_estimators import JointsEstimate
 from imocap_core.io.readers.people import (
     LARGEST,
     LAYOUT_OF_COUNT,
+    TABLES,
     DetectedPeople,
     best_layout,
     cleaned,
@@ -120,10 +121,10 @@ def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Landmarks]]:
 
 def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
     """(frame number, people)."""
-    if path.suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         yield from _frames_of_npz(path, names)
         return
-    if path.suffix.lower() == ".csv":
+    if path.suffix.lower() in TABLES:
         if names is WORLD:
             raise ValueError(f"{path}: expected JSON or npz with {WORLD[0]}, got a CSV")
         for number, landmarks in landmarks_of_csv(path).items():
@@ -361,6 +362,9 @@ def _empty() -> Float[np.ndarray, "33 4"]:
     return table
 
 
+MISSING = ("", "none", "null", "na", "n/a")
+
+
 def _must_be_whole(row: list[str], heading: list[str], where: str) -> None:
     if len(row) != len(heading):
         raise ValueError(
@@ -370,7 +374,7 @@ def _must_be_whole(row: list[str], heading: list[str], where: str) -> None:
 
 def _number(cell: str, where: str) -> float:
     try:
-        return float(cell) if cell.strip() else float("nan")
+        return float("nan") if cell.strip().lower() in MISSING else float(cell)
     except ValueError:
         raise ValueError(f"{where}: expected numbers only, got {cell!r:.40}") from None
 
@@ -397,7 +401,7 @@ def read_mediapipe_hands(
     Raises:
         ValueError: file, field, expected, got.
     """
-    if path.suffix != ".npz" or not set(FIELDS) & array_names(path):
+    if path.suffix.lower() != ".npz" or not set(FIELDS) & array_names(path):
         return None
     arrays = load_arrays(path)
     xy_px = np.full((len(frames), 2, HAND_POINTS, 2), np.nan)

@@ -21,6 +21,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.io.readers.people import (
     DetectedPeople,
+    cleaned,
     detections,
     must_have_layout,
     numbered_contents,
@@ -80,10 +81,26 @@ def _frames(path: Path) -> dict[int, tuple[Any, str]]:
 def _people(content: Any, where: str) -> list[Any]:
     """The people of one frame, from its file or as they are."""
     content = read_json(content) if isinstance(content, Path) else content
-    people = content.get("people") if isinstance(content, dict) else None
-    if not isinstance(people, list):
-        raise ValueError(f"{where}: people: expected a list of people, got {type_name(people)}")
+    people = people_in(content)
+    if people is None:
+        got = content.get("people") if isinstance(content, dict) else None
+        raise ValueError(f"{where}: people: expected a list of people, got {type_name(got)}")
     return people
+
+
+def people_in(content: Any) -> list[Any] | None:
+    """The people of a frame's content, nobody for null; None where it is something else."""
+    if not isinstance(content, dict) or "people" not in content:
+        return None
+    people = [] if content["people"] is None else content["people"]
+    return people if isinstance(people, list) else None
+
+
+def numbers_of(person: Any) -> Any:
+    """The numbers of a person's body; OpenPose 1.0 called them otherwise."""
+    if not isinstance(person, dict):
+        return None
+    return person.get("pose_keypoints_2d", person.get("pose_keypoints"))
 
 
 def _read_frame(content: Any, layout: str, where: str) -> Float[np.ndarray, "P K 3"]:
@@ -97,7 +114,7 @@ def _read_frame(content: Any, layout: str, where: str) -> Float[np.ndarray, "P K
 
 def _read_person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"] | None:
     """The points, or None for a person without a body (OpenPose then writes an empty list)."""
-    values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
+    values = numbers_of(person)
     if not isinstance(values, list):
         raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
     if not values:
@@ -114,9 +131,7 @@ def _read_person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3
         body = np.array(values, dtype=np.float64).reshape(-1, 3)
     except (TypeError, ValueError):
         raise ValueError(f"{where}: expected numbers only, got {values!r:.60}") from None
-    missing = ~np.isfinite(body).all(axis=1) | (body[:, 2] <= 0)
-    body[missing] = (np.nan, np.nan, 0.0)
-    return body
+    return cleaned(body)
 
 
 FIELDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d")
@@ -160,7 +175,7 @@ def _nearest(people: list[Any], body: Float[np.ndarray, "K 2"]) -> int | None:
     """Index of the person whose points have the smallest median distance to the body's."""
     best, least = None, np.inf
     for k, person in enumerate(people):
-        values = person.get("pose_keypoints_2d") or []
+        values = numbers_of(person) or []
         if len(values) != 3 * len(body):
             continue
         points = np.array(values, dtype=np.float64).reshape(-1, 3)

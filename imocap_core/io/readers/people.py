@@ -19,21 +19,23 @@ from imocap_core.limits import LAST_FRAME, must_be_small_enough
 
 def frame_files(folder: Path, suffix: str = ".json") -> list[Path]:
     """Its files in the order of their names, without hidden ones (macOS writes ``._NAME``)."""
-    return sorted(f for f in folder.glob(f"*{suffix}") if not f.name.startswith("."))
+    files = (f for f in folder.glob("*") if f.suffix.lower() == suffix)
+    return sorted(f for f in files if not f.name.startswith("."))
 
 
 def numbered_files(folder: Path, suffix: str = ".json", what: str = "OpenPose") -> dict[int, Path]:
-    """Frame number -> file; the number is the last one in the name. ValueError where a name has
-    none, a number has two files, or there is no file."""
+    """Frame number -> file; the number is the last one in the name that no two files share.
+    ValueError where a name has none, a number has two files, or there is no file."""
     files: dict[int, Path] = {}
-    for file in frame_files(folder, suffix):
-        numbers = re.findall(r"\d+", file.stem)
+    numbers_in = {file: re.findall(r"\d+", file.stem) for file in frame_files(folder, suffix)}
+    last = _place_of_number(list(numbers_in.values()))
+    for file, numbers in numbers_in.items():
         if not numbers:
             raise ValueError(
                 f"{file}: expected a frame number in the file name, got none; "
                 f"name the files like clip_000000000012_keypoints{suffix}"
             )
-        number = int(numbers[-1])
+        number = int(numbers[-last])
         if number in files:
             raise ValueError(
                 f"{folder}: frame {number} has two files, {files[number].name} and {file.name}; "
@@ -46,6 +48,14 @@ def numbered_files(folder: Path, suffix: str = ".json", what: str = "OpenPose") 
             f"`keypoints` in action.yaml"
         )
     return dict(sorted(files.items()))
+
+
+def _place_of_number(names: Sequence[Sequence[str]]) -> int:
+    """Which of the numbers in files' names, from the last one, is the frame's: 2 of clip_12_v2."""
+    for place in range(1, min(map(len, names), default=0) + 1):
+        if len({int(numbers[-place]) for numbers in names}) == len(names):
+            return place
+    return 1
 
 
 def numbered_contents(folder: Path, what: str) -> Iterator[tuple[int, Any, str]]:
@@ -65,6 +75,8 @@ LAYOUT_OF_COUNT = {
     136: "halpe136",
 }
 
+TABLES = (".csv", ".tsv")
+JSON_LINES = (".jsonl", ".ndjson")
 LARGEST = 1e7  # pixels: no picture is larger, and squares do not overflow
 
 
@@ -81,14 +93,34 @@ class DetectedPeople:
 
 
 def read_json(path: Path) -> Any:
-    """The content of a JSON file, in UTF-8 or 16, with or without a mark at its beginning.
-    ValueError when it is missing or not JSON."""
+    """The content of a JSON file, in UTF-8 or 16, with or without a mark at its beginning; of JSON
+    lines, and of lists by frame number, their list. ValueError when it is missing or not JSON."""
     must_be_file(path)
     must_be_small_enough(path)
     try:
-        return json.loads(path.read_bytes(), parse_int=_integer)
+        text = path.read_bytes()
+        text_of = text.decode(json.detect_encoding(text))
+        lines = text_of.splitlines() if path.suffix.lower() in JSON_LINES else [text_of]
+        contents = [json.loads(line, parse_int=_integer) for line in lines if line.strip()]
     except (ValueError, RecursionError) as error:  # ValueError: JSON's and UTF-8's
         raise ValueError(f"{path}: is not JSON ({error}); run the detector again") from None
+    if not contents:
+        raise ValueError(f"{path}: is empty; run the detector again")
+    return contents if path.suffix.lower() in JSON_LINES else _in_order(contents[0])
+
+
+def _in_order(content: Any) -> Any:
+    """The list of frames for {"0": [...], "1": [...]}; numbers from 1 without a gap begin there."""
+    if not isinstance(content, dict) or not all(
+        key.isdecimal() and len(key) < 8 and isinstance(value, list)
+        for key, value in content.items()
+    ):
+        return content
+    frames = {int(key): value for key, value in content.items()}
+    if not frames or max(frames) > LAST_FRAME:
+        return content
+    first = int(sorted(frames) == list(range(1, len(frames) + 1)))
+    return [frames.get(n, []) for n in range(first, max(frames) + 1)]
 
 
 def _integer(digits: str) -> int | float:
@@ -163,10 +195,11 @@ def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Float
 def cleaned(people: Shaped[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
     """Points with missing ones as NaN with confidence 0, and confidences of at most 1.
 
-    Missing: not finite, beyond `LARGEST`, or of confidence 0 or less.
+    Missing: not finite, beyond `LARGEST`, at (0, 0), or of confidence 0 or less.
     """
     people = np.array(people, dtype=np.float64)
     missing = ~(np.abs(people) < LARGEST).all(axis=-1) | ~(people[..., 2] > 0)
+    missing |= (people[..., :2] == 0).all(axis=-1)
     people[..., 2] = np.minimum(people[..., 2], 1.0)
     people[missing] = (np.nan, np.nan, 0.0)
     return people
