@@ -103,11 +103,10 @@ function start() {
     labels.place(view, actors, [], state);
     measure.show(state, jointOf(page, state.angle));
     showFrames(now);
-    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
     seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, page.angles[0].curves.some((c) => c.sd) ? "degrees; band: ± one standard deviation" : "degrees");
     showState();
     clearTimeout(written);
-    if (state.playing) redraw();
+    if (next !== null) readyAt(pictures, momentsAt(page, next)).then(redraw);
     else written = setTimeout(() => writeAddress(state), 300);
   }
 
@@ -123,7 +122,7 @@ function start() {
   }
 
   const measure = new Measure(page, act, () => ({ view, actors }));
-  const pictures = page.videos.map((video) => new Pictures(video, redraw));
+  const pictures = page.videos.map((video) => new Pictures(video, () => state.playing || redraw()));
   const frames = page.videos.map((video) => {
     if (!video.pictures) return null;
     const figure = $("frames").appendChild(document.createElement("figure"));

@@ -26,7 +26,7 @@ function start() {
   const reveal = $("reveal").querySelector("input");
   reveal.addEventListener("input", () => act.reveal(Number(reveal.value)));
   const cards = page.videos.map((video, i) => new Card(video, i, $("cards"), act));
-  const pictures = page.videos.map((video) => new Pictures(video, redraw));
+  const pictures = page.videos.map((video) => new Pictures(video, () => state.playing || redraw()));
   const labels = new Labels($("labels"), page), curves = new Curves(page);
   const measure = new Measure(page, act, () => ({ view, actors }));
   const lead = page.videos.findIndex((video) => video.id === page.reference);
@@ -82,8 +82,7 @@ function start() {
     showTools(state);
     showChoice(state);
     showState();
-    if (state.playing) redraw();
-    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
+    if (next !== null) readyAt(pictures, momentsAt(page, next)).then(redraw);
     clearTimeout(written);
     if (!state.playing) written = setTimeout(() => writeAddress(state), 300);
   }
