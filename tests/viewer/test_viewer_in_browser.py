@@ -207,6 +207,27 @@ def test_an_address_opens_at_a_moment(browser: Browser) -> None:
     assert state(browser, "phase") == pytest.approx(0.25)
 
 
+def test_a_link_keeps_view_and_mode(browser: Browser) -> None:
+    browser.value("navigator.clipboard && (navigator.clipboard.writeText = () => Promise.reject())")
+    before = browser.value("[imocap.act.place('all'), JSON.stringify(imocap.act.state)][1]")
+    browser.value(
+        "imocap.act.answer('both'), imocap.act.flip('skeletons'), imocap.act.flip('paths'),"
+        "imocap.act.toggle(1, false), imocap.orbit.azimuth = 1.25, imocap.act.seek(0.3)"
+    )
+    link = browser.value("imocap.act.link().then(() => location.hash)")
+    browser.value(
+        "imocap.act.answer('final'), imocap.act.flip('skeletons'), imocap.act.flip('paths'),"
+        "imocap.act.toggle(1, true), imocap.act.place('apart'), imocap.act.seek(0.1)"
+    )
+    browser.wait("location.hash.startsWith('#t=0.1')")  # at rest, without the view
+    browser.value(f"location.hash = '{link}'")
+    browser.wait("imocap.act.state.phase === 0.3 && imocap.act.state.place === 'all'")
+    shown = "['answer', 'skeletons', 'paths', 'on'].map(name => imocap.act.state[name])"
+    assert browser.value(shown) == ["both", True, False, [True, False, True]]
+    assert browser.value("imocap.orbit.azimuth") == 1.25
+    browser.value(f"Object.assign(imocap.act.state, {before}), imocap.act.place('apart')")
+
+
 def test_the_eye_stays_above_the_ground(browser: Browser) -> None:
     before = browser.value("[imocap.orbit.azimuth, imocap.orbit.elevation, imocap.orbit.distance]")
     x, y, width, height = browser.value(

@@ -48,7 +48,7 @@ function start() {
     draw(performance.now());
     snapshot($("stage"), `${page.title} · ${state.phase.toFixed(2)} s · imocap`, theme, `${page.title}_${state.phase.toFixed(2)}s.png`);
   };
-  act.link = () => copyLink(state).then((text) => {
+  act.link = () => copyLink(state, orbit).then((text) => {
     message = text; redraw();
     setTimeout(() => { message = ""; redraw(); }, 2500);
   });
@@ -156,12 +156,13 @@ function start() {
     ...transportKeys(act), o: () => act.place(state.apart ? "all" : "apart"), b: () => act.flip("skeletons"),
     f: () => { act.fit(); redraw(); }, p: () => act.snapshot(), Escape: () => act.measure(null),
   }, page.videos.length, act);
-  addEventListener("hashchange", () => act.go(momentOf(location.hash)));
+  const goTo = (given) => { choose(given, act, orbit); act.go(given); };
+  addEventListener("hashchange", () => goTo(momentOf(location.hash)));
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
   act.seek(page.findings.find((finding) => finding.angle)?.at ?? state.phase);
-  act.go(momentOf(location.hash));
   act.place(page.videos.length > 1 ? "apart" : "all");
+  goTo(momentOf(location.hash));
   dress();
   const where = (body, joint) => {
     const actor = actors.find((a) => a.video === body);

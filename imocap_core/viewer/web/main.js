@@ -134,7 +134,7 @@ function start() {
     const said = `${page.title} · ${state.phase.toFixed(2)} s of ${page.reference} · imocap`;
     snapshot($("stage"), said, theme, `${page.title}_${state.phase.toFixed(2)}s.png`);
   };
-  act.link = () => copyLink(state).then(say);
+  act.link = () => copyLink(state, orbit).then(say);
   const seekers = [null, null, null];
   for (const [k, id] of ["lanes", "warps", "curves"].entries()) {
     const to = (e) => seekers[k] && act.seek(seekers[k](e.offsetX));
@@ -143,7 +143,8 @@ function start() {
   }
   listenToTransport(page, act);
   listenToKeys({ ...transportKeys(act), ...viewerKeys(act) }, page.videos.length, act);
-  addEventListener("hashchange", () => act.go(momentOf(location.hash)));
+  const goTo = (given) => { choose(given, act, orbit); act.go(given); };
+  addEventListener("hashchange", () => goTo(momentOf(location.hash)));
   const arrange = () => {
     const stacked = matchMedia("(max-width: 760px), (max-height: 500px)").matches;
     const room = [$("side").clientWidth - 20, stacked ? innerHeight : $("side").clientHeight - 48];
@@ -154,8 +155,8 @@ function start() {
   };
   new ResizeObserver(arrange).observe($("page"));
   orbit.azimuth = page.azimuth;
-  act.go(momentOf(location.hash));
   act.place(placeFor(page.videos.length, $("stage").clientWidth / $("stage").clientHeight));
+  goTo(momentOf(location.hash));
   dress();
   window.imocap = {
     act, page, orbit, scene, curves, pictures, rgb, contrast, readable, theme: () => theme,
