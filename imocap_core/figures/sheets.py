@@ -326,6 +326,21 @@ def upright_world(refined: RefineSync) -> GroundAlignment:
     return upright_alignment(ground_of(motion.ground), camera.R, "y")
 
 
+def upright_bodies(
+    motion: VideoMotion,
+    camera: Camera,
+    ground: GroundAlignment,
+    model: Model,
+    frames: Sequence[int],
+) -> tuple[Float[np.ndarray, "F V 3"], Float[np.ndarray, "F 3"]]:
+    """Surfaces in the upright world at F frames (indices), and where they face."""
+    R_upright_from_cam = ground.R_upright_from_world @ camera.R.T
+    in_world = (surfaces(model, motion, frames) - camera.t) @ camera.R
+    R_root = rotations.exp(torch.from_numpy(motion.theta[list(frames), :3])).numpy()
+    headings = np.stack([heading_of(R) for R in R_upright_from_cam @ R_root])
+    return in_world @ ground.R_upright_from_world.T + ground.t, headings
+
+
 def body_sheet(
     video: SheetVideo,
     camera: Camera,
@@ -341,12 +356,9 @@ def body_sheet(
     its detections where there is none.
     """
     motion = video.final
-    R_upright_from_cam = ground.R_upright_from_world @ camera.R.T
-    in_world = (surfaces(model, motion, frames) - camera.t) @ camera.R
-    posed = in_world @ ground.R_upright_from_world.T + ground.t
-    R_root = rotations.exp(torch.from_numpy(motion.theta[list(frames), :3])).numpy()
+    posed, facing = upright_bodies(motion, camera, ground, model, frames)
     bodies = np.concatenate([_at_rest(model, motion.betas)[None], posed])
-    headings = np.stack([heading_of(R) for R in (np.eye(3), *(R_upright_from_cam @ R_root))])
+    headings = np.concatenate([heading_of(np.eye(3))[None], facing])
 
     faces = model.faces.numpy()
     colors = segment_colors(model.weights.numpy(), model.joint_names, faces)

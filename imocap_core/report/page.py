@@ -220,7 +220,7 @@ def _angles(first: FirstPage) -> str:
         + "</tr>"
         for row in first.rows
     )
-    items = "".join(f"<li>{html.escape(s)}.</li>" for s in first.differences)
+    items = "".join(f"<li>{html.escape(d.sentence)}.</li>" for d in first.differences)
     several = len(first.head) > 4
     differences = f"<ul>{items}</ul>" if items else f"<p>{_ALIKE}</p>" * several
     return (
@@ -261,7 +261,7 @@ def markdown_page(
 def _angles_in_markdown(first: FirstPage) -> list[str]:
     rows = [first.head, ("---", *["---:"] * (len(first.head) - 1)), *first.rows]
     table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
-    items = "\n".join(f"* {sentence}." for sentence in first.differences)
+    items = "\n".join(f"* {difference.sentence}." for difference in first.differences)
     return [f"## Key angles\n\n{first.moment}:\n\n{table}\n", *([f"{items}\n"] if items else [])]
 
 
