@@ -39,6 +39,10 @@ def view_command(
         Path | None,
         typer.Option(metavar="FILE", help="File to write to (default: viewer.html in the report)."),
     ] = None,
+    moment: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Only half a second about a moment: a small file."),
+    ] = None,
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
@@ -57,6 +61,7 @@ def view_command(
         viewer = view(
             action,
             out,
+            moment=moment,
             root=root_of(context),
             params=sets,
             progress=lambda share, what: status.update(f"viewer: {escape(what)}"),
