@@ -296,8 +296,10 @@ def compare_command(
     technique = comparison.technique
     if technique is not None:
         console.print(f"{technique.action}: consistency {technique.whole:.3f}")
-    for file in comparison.files:
-        console.print(str(file))
+    page = next(file for file in comparison.files if file.suffix == ".html")
+    console.print(str(page))
+    others = [file.name for file in comparison.files if file != page]
+    console.print(f"Beside it: {', '.join(others)}")
 
 
 def sync_command(

@@ -113,6 +113,7 @@ dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
 dt:target { background: var(--target); }
 .first h2 { border: 0; margin: 1.2rem 0 .2rem; padding: 0; }
 .first figure { margin: .6rem 0; }
+.first th, .first td { padding: .28rem .4rem; }
 .pair {
   display: grid; gap: 1.4rem;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 420px), 1fr));
