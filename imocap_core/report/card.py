@@ -73,12 +73,13 @@ def card_page(
         return None
     parts = [_section(k + 1, d, videos, refined, model) for k, d in enumerate(chosen)]
     reference = html.escape(refined.sync.reference)
-    doubt = verdict.summary[1] if verdict.level != "good" and len(verdict.summary) > 1 else ""
+    doubtful = verdict.level != "good" and len(verdict.summary) > 1
+    doubt = f"<p>{html.escape(verdict.summary[1])}</p>" if doubtful else ""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{html.escape(title)} · card</title><style>{COLOURS}{_STYLE}</style></head><body>\n"
-        f"<h1>{html.escape(title)}{badge(verdict)}</h1>\n<p>{html.escape(doubt)}</p>"
+        f"<h1>{html.escape(title)}{badge(verdict)}</h1>\n{doubt}"
         f"{''.join(parts)}"
         f"<p>Grey: {reference}. ±: the expected error of the difference, one standard deviation."
         "</p></body></html>\n"
