@@ -460,13 +460,15 @@ def draw_view(
     view: str,
     size_px: tuple[int, int],
     px_per_m: float,
+    middle_m: Float[np.ndarray, "3"] | None = None,
 ) -> UInt8[np.ndarray, "height width 3"]:
     """A shaded body in the middle of a plain picture, over the line of the ground.
 
     Args:
         body_m: vertices in an upright world (y up, the ground at y = 0), metres.
         face_colors: RGB, 0..255. heading, view: see `view_rotation`.
-        size_px: (width, height). px_per_m: the scale, see `common_scale`.
+        size_px: (width, height). px_per_m: the scale, see `common_scale`. middle_m: the point in
+            the middle of the picture; the body's own middle where it is None.
 
     The line is drawn where the ground is within the picture.
     """
@@ -474,6 +476,8 @@ def draw_view(
     R_cam_from_upright = view_rotation(heading, view)
     turned = body_m @ R_cam_from_upright.T
     middle = (turned.min(axis=0) + turned.max(axis=0)) / 2
+    if middle_m is not None:
+        middle = R_cam_from_upright @ middle_m
     picture = np.full((height, width, 3), PAPER_RGB, dtype=np.uint8)
     ground_row = round((height - 1) / 2 - px_per_m * float(middle[1]))  # the camera's y is -height
     if 0 <= ground_row < height:

@@ -39,6 +39,10 @@ def view_command(
         Path | None,
         typer.Option(metavar="FILE", help="File to write to (default: viewer.html in the report)."),
     ] = None,
+    moment: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Only half a second about a moment: a small file."),
+    ] = None,
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
@@ -57,6 +61,7 @@ def view_command(
         viewer = view(
             action,
             out,
+            moment=moment,
             root=root_of(context),
             params=sets,
             progress=lambda share, what: status.update(f"viewer: {escape(what)}"),
@@ -291,8 +296,10 @@ def compare_command(
     technique = comparison.technique
     if technique is not None:
         console.print(f"{technique.action}: consistency {technique.whole:.3f}")
-    for file in comparison.files:
-        console.print(str(file))
+    page = next(file for file in comparison.files if file.suffix == ".html")
+    console.print(str(page))
+    others = [file.name for file in comparison.files if file != page]
+    console.print(f"Beside it: {', '.join(others)}")
 
 
 def sync_command(

@@ -43,6 +43,7 @@ from imocap_core.figures.overlays import (
     from_the_side,
     windows,
 )
+from imocap_core.figures.style import write
 from imocap_core.io.video import read_rgb_of
 from imocap_core.render import UP, VIEWS, common_scale, draw_view, heading_of, segment_colors
 from imocap_core.workers import at_once
@@ -55,7 +56,7 @@ def surfaces(
     return np.asarray(posed_body(model, motion, list(frames)).mesh().vertices.numpy())
 
 
-_COLUMNS = 6
+_COLUMNS, _INK = 6, (92, 99, 108)
 _GAP_FRAMES = 4.0
 """A moment of the reference further than this from every matched frame has no picture."""
 
@@ -221,11 +222,13 @@ def moment_cells(
     cells: dict[int, Image],
     cuts: dict[int, Window],
 ) -> list[Image]:
-    """The final skeleton over the frames that show some moments; blank where there is none."""
+    """The final skeleton over the frames that show some moments, or the word that there is none."""
     row = []
     for t in frames:
         if t is None:
-            row.append(blank_cell())
+            blank = blank_cell()
+            write(blank, "not in this clip", (CELL_PX[0] // 2, CELL_PX[1] // 2), 0.5, _INK, 0.5)
+            row.append(blank)
             continue
         joints = video.final.joints[t] @ video.camera.R_first_from_frame[t]
         K = lens_of(video.K, video.camera.zoom[t])
@@ -326,6 +329,21 @@ def upright_world(refined: RefineSync) -> GroundAlignment:
     return upright_alignment(ground_of(motion.ground), camera.R, "y")
 
 
+def upright_bodies(
+    motion: VideoMotion,
+    camera: Camera,
+    ground: GroundAlignment,
+    model: Model,
+    frames: Sequence[int],
+) -> tuple[Float[np.ndarray, "F V 3"], Float[np.ndarray, "F 3"]]:
+    """Surfaces in the upright world at F frames (indices), and where they face."""
+    R_upright_from_cam = ground.R_upright_from_world @ camera.R.T
+    in_world = (surfaces(model, motion, frames) - camera.t) @ camera.R
+    R_root = rotations.exp(torch.from_numpy(motion.theta[list(frames), :3])).numpy()
+    headings = np.stack([heading_of(R) for R in R_upright_from_cam @ R_root])
+    return in_world @ ground.R_upright_from_world.T + ground.t, headings
+
+
 def body_sheet(
     video: SheetVideo,
     camera: Camera,
@@ -341,12 +359,9 @@ def body_sheet(
     its detections where there is none.
     """
     motion = video.final
-    R_upright_from_cam = ground.R_upright_from_world @ camera.R.T
-    in_world = (surfaces(model, motion, frames) - camera.t) @ camera.R
-    posed = in_world @ ground.R_upright_from_world.T + ground.t
-    R_root = rotations.exp(torch.from_numpy(motion.theta[list(frames), :3])).numpy()
+    posed, facing = upright_bodies(motion, camera, ground, model, frames)
     bodies = np.concatenate([_at_rest(model, motion.betas)[None], posed])
-    headings = np.stack([heading_of(R) for R in (np.eye(3), *(R_upright_from_cam @ R_root))])
+    headings = np.concatenate([heading_of(np.eye(3))[None], facing])
 
     faces = model.faces.numpy()
     colors = segment_colors(model.weights.numpy(), model.joint_names, faces)

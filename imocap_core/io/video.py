@@ -11,6 +11,7 @@ Pictures come as players show them (`display`), a slow-motion file's times as th
 from __future__ import annotations
 
 import errno
+import io
 import os
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -21,8 +22,10 @@ from typing import Any
 
 import av
 import numpy as np
+from av.codec.codec import UnknownCodecError
 from av.sidedata.sidedata import Type as SideData
 from av.stream import Disposition
+from av.video.reformatter import Colorspace
 from av.video.stream import VideoStream
 from jaxtyping import Float, Int, UInt8
 
@@ -138,6 +141,7 @@ ENCODERS: dict[str, dict[str, str]] = {  # best first; x264 is GPL, libvpx is no
     "libx264": {},
     "libvpx-vp9": {"b:v": "0", "deadline": "good", "cpu-used": "5"},
 }
+_WEBM_ENCODER, WEBM_FPS = "libvpx-vp9", 25
 GrayPicture = UInt8[np.ndarray, "height width"]
 # FFmpeg's demuxers of files that hold a video or sound themselves. Playlists, scripts and picture
 # sequences (hls, concat, dash, image2) name other files and are not opened.
@@ -292,6 +296,57 @@ def write_h264(
             raise ValueError(f"{path}: expected at least one frame to write, got none")
         container.mux(stream.encode())
     return count
+
+
+@dataclass(frozen=True)
+class WebmStream:
+    """VP9 pictures in WebM, whose packets are also found one by one.
+
+    Attributes:
+    content: the file, whose pictures are 1 / `WEBM_FPS` s apart.
+    packets: the first byte of each picture's packet and its length, one packet a picture.
+    keys: whether each picture is decoded without those before it.
+    """
+
+    content: bytes
+    size: tuple[int, int]
+    packets: list[tuple[int, int]]
+    keys: list[bool]
+
+
+def encode_webm(pictures: Iterable[RgbPicture], *, crf: int, key_every: int) -> WebmStream:
+    """RGB pictures of one size as VP9, each decoded from the ones before it since a key picture.
+
+    Odd sizes lose their last row or column. One thread, no stamps: the same pictures give the same
+    bytes. ValueError when there is no picture, or no such encoder.
+    """
+    target, size = io.BytesIO(), (0, 0)
+    speed = {"b:v": "0", "deadline": "realtime", "cpu-used": "7", "lag-in-frames": "0"}
+    options = {"crf": str(crf), "g": str(key_every), "threads": "1", "flags": "+bitexact", **speed}
+    try:
+        with av.open(target, "w", format="webm", options={"fflags": "+bitexact"}) as container:
+            stream: Any = container.add_stream(_WEBM_ENCODER, rate=WEBM_FPS, options=options)
+            stream.pix_fmt, stream.colorspace = "yuv420p", Colorspace.ITU601
+            for picture in pictures:
+                if size == (0, 0):
+                    size = (picture.shape[1] // 2 * 2, picture.shape[0] // 2 * 2)
+                    stream.width, stream.height = size
+                even = np.ascontiguousarray(picture[: size[1], : size[0]])
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+            if size == (0, 0):
+                raise ValueError("pictures: expected at least one, got none")
+            container.mux(stream.encode())
+    except (av.FFmpegError, UnknownCodecError) as error:
+        raise ValueError(f"pictures cannot be encoded with {_WEBM_ENCODER}: {error}") from None
+    content, packets, keys, after = target.getvalue(), [], [], 0
+    with av.open(io.BytesIO(content), "r") as film:
+        for packet in film.demux(video=0):
+            if packet.size:
+                start = content.index(bytes(packet), after)
+                after = start + packet.size
+                packets.append((start, packet.size))
+                keys.append(bool(packet.is_keyframe))
+    return WebmStream(content, size, packets, keys)
 
 
 def open_video(path: Path) -> Any:

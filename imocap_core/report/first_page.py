@@ -30,22 +30,45 @@ _KEY_ANGLES = 3  # left and right of each
 _SINKS_M = 0.12  # a pelvis that moves up and down by more has a lowest moment worth a name
 _COLUMNS = 4  # videos that the table shows each by itself
 _SENTENCES_OF_TWO, _SENTENCES = 4, 5
+SD_APART = 2  # expected errors by which angles differ for sure
 Curves = dict[str, Float[np.ndarray, "M N"]]  # degrees of M videos at N moments
+
+
+@dataclass(frozen=True)
+class SureDifference:
+    """Where an angle of a video differs from the reference's by more than its error.
+
+    frames: source frame numbers, of the video and of the reference. size_deg, error_deg: of the
+    difference, the error one standard deviation.
+    """
+
+    sentence: str
+    video: str
+    angle: str
+    phase_s: float
+    frames: tuple[int, int]
+    size_deg: float
+    error_deg: float
 
 
 @dataclass(frozen=True, eq=False)
 class FirstPage:
     """The key angles of an action.
 
+<<<<<<< HEAD
     moment: which moment the table is of, in words. head, rows: the table. differences: sentences
     on where the videos' angles differ by more than their error. figure: the angles over time.
     since: what has changed since the last run; empty where nothing has.
+=======
+    moment: which moment the table is of, in words. head, rows: the table. differences: where the
+    videos' angles differ by more than their error. figure: the angles over time.
+>>>>>>> viewer
     """
 
     moment: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    differences: tuple[str, ...]
+    differences: tuple[SureDifference, ...]
     figure: Figure
     since: str = ""
 
@@ -76,7 +99,7 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
         moment=f"{words}, at {phase_s[t]:.2f} s ({frames})",
         head=_head(ids),
         rows=tuple(_row(name, curves[name], sd[name], t) for name in names),
-        differences=tuple(differences(ids, result.reference, phase_s, curves, sd)),
+        differences=tuple(differences(videos, result.reference, curves, sd)),
         figure=key_angle_figure(
             ids, phase_s, {name: curves[name] for name in names}, colors, float(phase_s[t])
         ),
@@ -141,27 +164,37 @@ def _row(
 
 
 def differences(
-    ids: Sequence[str],
-    reference: str,
-    phase_s: Float[np.ndarray, " N"],
-    curves: Curves,
-    sd: Curves,
-) -> list[str]:
-    """Where videos differ most from the reference, by more than twice the expected error."""
+    videos: Sequence[VideoResult], reference: str, curves: Curves, sd: Curves
+) -> list[SureDifference]:
+    """Where videos on the common time differ most from the reference, by more than `SD_APART`
+    expected errors."""
+    ids = [video.id for video in videos]
     if reference not in ids:
         return []
-    r = list(ids).index(reference)
-    sentences = []
-    for m, video in enumerate(ids):
+    r = ids.index(reference)
+    against, phase_s = {name: each[r] for name, each in curves.items()}, videos[r].phase_s
+    sure: list[SureDifference] = []
+    for m, video in enumerate(videos):
         if m == r:
             continue
-        sure = {}
-        for name, each in curves.items():
-            error = np.hypot(np.nan_to_num(sd[name][m]), np.nan_to_num(sd[name][r]))
-            sure[name] = np.where(np.abs(each[m] - each[r]) > 2 * error, each[m], np.nan)
-        against = {name: each[r] for name, each in curves.items()}
-        largest_first = largest(video, reference, phase_s, sure, against, {})
-        sentences += [
-            f.sentence for f in largest_first[: _SENTENCES_OF_TWO if len(ids) == 2 else 2]
-        ]
-    return sentences[:_SENTENCES]
+        error = {
+            name: np.hypot(np.nan_to_num(of[m]), np.nan_to_num(of[r])) for name, of in sd.items()
+        }
+        apart = {name: np.abs(each[m] - each[r]) for name, each in curves.items()}
+        far = {
+            name: np.where(apart[name] > SD_APART * error[name], each[m], np.nan)
+            for name, each in curves.items()
+        }
+        largest_first = largest(video.id, reference, phase_s, far, against, {})
+        for difference in largest_first[: _SENTENCES_OF_TWO if len(ids) == 2 else 2]:
+            assert difference.angle is not None
+            t = int(np.flatnonzero(phase_s == difference.phase_s)[0])
+            frames = (round(float(video.frames[t])), round(float(videos[r].frames[t])))
+            size, deg = float(apart[difference.angle][t]), float(error[difference.angle][t])
+            text = f"{difference.sentence}, ± {deg:.0f}°"
+            sure.append(
+                SureDifference(
+                    text, video.id, difference.angle, difference.phase_s, frames, size, deg
+                )
+            )
+    return sure[:_SENTENCES]

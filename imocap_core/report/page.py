@@ -113,6 +113,7 @@ dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
 dt:target { background: var(--target); }
 .first h2 { border: 0; margin: 1.2rem 0 .2rem; padding: 0; }
 .first figure { margin: .6rem 0; }
+.first th, .first td { padding: .28rem .4rem; }
 .pair {
   display: grid; gap: 1.4rem;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 420px), 1fr));
@@ -220,7 +221,7 @@ def _angles(first: FirstPage) -> str:
         + "</tr>"
         for row in first.rows
     )
-    items = "".join(f"<li>{html.escape(s)}.</li>" for s in first.differences)
+    items = "".join(f"<li>{html.escape(d.sentence)}.</li>" for d in first.differences)
     several = len(first.head) > 4
     differences = f"<ul>{items}</ul>" if items else f"<p>{_ALIKE}</p>" * several
     return (
@@ -262,7 +263,7 @@ def markdown_page(
 def _angles_in_markdown(first: FirstPage) -> list[str]:
     rows = [first.head, ("---", *["---:"] * (len(first.head) - 1)), *first.rows]
     table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
-    items = "\n".join(f"* {sentence}." for sentence in first.differences)
+    items = "\n".join(f"* {difference.sentence}." for difference in first.differences)
     return [f"## Key angles\n\n{first.moment}:\n\n{table}\n", *([f"{items}\n"] if items else [])]
 
 

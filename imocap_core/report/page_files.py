@@ -75,6 +75,7 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
     def page(name: str, what: str, file: str, command: str) -> ActionPage:
         return ActionPage(name, what, file if (folder / file).exists() else None, command)
 
+    card = page("Card", "the largest differences, for a phone or for paper", "report/card.html", "")
     compared = sorted((folder / "report" / "compare").rglob(PAGE))
     comparisons = [
         ActionPage(_comparison(file), _COMPARED, file, "")
@@ -93,6 +94,7 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
             f"report/{PAGE}",
             f"imocap run {action}",
         ),
+        *([card] if card.file else []),
         *(comparisons or [ActionPage("Comparison", _COMPARED, None, f"imocap compare {action}")]),
         page("Films", "every video with the body over it", "videos", f"imocap video {action}"),
         ActionPage("Exports", "the motion for other programs", None, f"imocap export {action}"),

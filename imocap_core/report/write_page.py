@@ -40,6 +40,7 @@ from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.changes import last_result
+from imocap_core.report.card import CARD, card_page
 from imocap_core.report.first_page import ANGLES, first_page
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_files import PAGE, TEXT, links
@@ -129,12 +130,13 @@ def write_page(
     evaluated = stored["evaluate"].decode(Evaluate)
     model = load_free_body()
     tables = {table.name: table for table in evaluated.tables}
+    videos, refined = sheet_videos_of(job, stored, model), stored["refine_sync"].decode(RefineSync)
     pictures = draw_page_figures(
         folder,
-        sheet_videos_of(job, stored, model),
+        videos,
         sheet_results_of(stored, single),
         keypoints,
-        stored["refine_sync"].decode(RefineSync),
+        refined,
         stored["uncertainty"].decode(Uncertainty),
         tables.get("uncertainty_joints"),
         model,
@@ -151,6 +153,12 @@ def write_page(
         first = first_page(read_result(artifacts, ActionResult), before)
         if first is not None:
             save(first.figure, folder / ANGLES)
+    differences = () if first is None else first.differences
+    card = card_page(contents.title, verdict, differences, videos, refined, model)
+    if card is None:
+        (folder / CARD).unlink(missing_ok=True)
+    else:
+        write_whole(folder / CARD, card)
     pages = links(folder.parent, job.action.name)
     files = {
         FILE: verdict_text(verdict),
@@ -160,7 +168,7 @@ def write_page(
     for name, text in files.items():
         write_whole(folder / name, text)
     drawn = [*(picture.file for picture in pictures), *([ANGLES] if first else [])]
-    record_made(folder, [*files, *drawn])
+    record_made(folder, [*files, *drawn, *([CARD] if card else [])])
 
 
 def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:

@@ -1,8 +1,9 @@
-"""One video in the viewer, and its source frames as small JPEG pictures."""
+"""One video in the viewer, and its source frames as a small video."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,15 @@ from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Uncertainty, V
 from imocap_core.camera.projection import Lens, project_camera
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import color_of
-from imocap_core.io.video import read_rgb_of
+from imocap_core.io.video import WEBM_FPS, encode_webm, read_rgb_of
 from imocap_core.result.video import VideoCamera
 from imocap_core.viewer.html import Block, Entry
 
 Image = UInt8[np.ndarray, "H W 3"]
 Window = tuple[int, int, int, int]  # x, y, width, height in pixels
 
-LONGEST_PX = 352
-_QUALITY = 50
+LONGEST_PX = 448
+_CRF, _KEY_EVERY = 36, 16  # VP9's quality; a seek decodes so many pictures at most
 _MARGIN = 0.22  # beside the performer's outermost positions, share of their span
 _ASPECTS = (0.75, 1.6)  # width / height of the part that is shown, where the picture allows
 _MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
@@ -80,23 +81,30 @@ def picture_entry(
     """
     shows = cutter(part, lens)
     wanted = frames[::every].tolist()
-    shown = set(wanted)
-    encoded: dict[int, bytes] = {
-        number: small_jpeg(shows(picture)) for number, picture in read_rgb_of(file, shown)
-    }
-    if not encoded:
+    shown = ((number, small(shows(picture))) for number, picture in read_rgb_of(file, set(wanted)))
+    first = next(shown, None)
+    if first is None:
         return None
-    parts, before = [], next(iter(encoded.values()))
-    for number in wanted:
-        before = encoded.get(number, before)
-        parts.append(before)
-    ends = np.cumsum([0, *(len(part) for part in parts)])
+    stream = encode_webm(_repeated(chain([first], shown), wanted), crf=_CRF, key_every=_KEY_EVERY)
     return {
         "every": every,
-        "kind": "image/jpeg",
-        "starts": block.add(ends, "u4"),
-        "bytes": block.add(np.frombuffer(b"".join(parts), np.uint8), "u1"),
+        "size": list(stream.size),
+        "rate": WEBM_FPS,
+        "packets": block.add(stream.packets, "u4"),
+        "keys": block.add(stream.keys, "u1"),
+        "bytes": block.add(np.frombuffer(stream.content, np.uint8), "u1"),
     }
+
+
+def _repeated(pictures: Iterator[tuple[int, Image]], wanted: Sequence[int]) -> Iterator[Image]:
+    """The picture of each wanted frame; of a missing one that before it, or the first of all."""
+    coming = next(pictures, None)
+    shown = coming
+    for number in wanted:
+        while coming is not None and coming[0] <= number:
+            shown, coming = coming, next(pictures, None)
+        if shown is not None:
+            yield shown[1]
 
 
 def cutter(part: Window, lens: Lens | None) -> Callable[[Image], Image]:
@@ -110,15 +118,13 @@ def cutter(part: Window, lens: Lens | None) -> Callable[[Image], Image]:
     return lambda picture: np.asarray(cv2.remap(picture, x_map, y_map, cv2.INTER_LINEAR), np.uint8)
 
 
-def small_jpeg(picture: UInt8[np.ndarray, "H W 3"]) -> bytes:
-    """An RGB picture as JPEG, its longer side at most LONGEST_PX."""
+def small(picture: Image) -> Image:
+    """A picture whose longer side is at most LONGEST_PX."""
     scale = min(1.0, LONGEST_PX / max(picture.shape[:2]))
-    size = (max(1, round(scale * picture.shape[1])), max(1, round(scale * picture.shape[0])))
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if scale < 1 else picture
-    options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
-    done, data = cv2.imencode(".jpg", small[:, :, ::-1], options)
-    assert done
-    return data.tobytes()
+    size = (max(2, round(scale * picture.shape[1])), max(2, round(scale * picture.shape[0])))
+    if scale == 1 and size == picture.shape[1::-1]:
+        return picture
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 UNKNOWN_MM = 65535  # in place of a standard deviation that is not known

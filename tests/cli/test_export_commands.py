@@ -141,10 +141,11 @@ def test_an_artifact_of_another_version_is_one_sentence(
 def test_compare(imocap: Callable[..., Said], tmp_path: Path) -> None:
     code, message, _ = imocap("compare", "walk")
     assert code == 0
-    first, report, *_ = message.splitlines()
+    first, report, beside = message.splitlines()
     assert first.startswith("walk: consistency 1.000")
-    assert Path(report) == tmp_path / "artifacts" / "walk" / "report" / "compare" / "report.md"
+    assert Path(report) == tmp_path / "artifacts" / "walk" / "report" / "compare" / "report.html"
     assert Path(report).is_file()
+    assert beside.startswith("Beside it: report.md, joints.csv, performances.csv, mean.bvh")
     code, _, message = imocap("compare", "walk", "walk")
     assert (code, message) == (2, "imocap: walk and walk are one action; leave the second out\n")
     assert imocap("compare", "walk", "nobody")[0] == 2

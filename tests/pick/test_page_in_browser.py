@@ -182,6 +182,18 @@ def test_performers_one_event_and_frames_that_match_nothing(page: Page) -> None:
     assert page.video("v1")["performer"] == "anna"
 
 
+def test_the_selected_video_plays(page: Page) -> None:
+    frame = "Number(document.getElementById('scrub').value)"
+    began = page.browser.value(frame)
+    page.click("#play")
+    page.browser.wait(f"{frame} > {began} + 1")
+    page.browser.press("p", ord("P"))
+    rest = page.browser.value(f"new Promise(r => setTimeout(() => r({frame}), 50))")
+    page.browser.value("new Promise(r => setTimeout(r, 200))")
+    assert page.browser.value(frame) == rest
+    assert page.browser.value("document.getElementById('play').ariaLabel") == "Play"
+
+
 def test_everything_by_keyboard(page: Page) -> None:
     press = page.browser.press
     for _ in range(40):  # Tab reaches a person of the large frame

@@ -13,7 +13,7 @@ from imocap_core.diagnostics.findings import Finding, Verdict
 from imocap_core.figures.page_figures import over_time
 from imocap_core.figures.sheets import most_different_frames, picks_of
 from imocap_core.metrics.scoring import ScoreRow, over_videos
-from imocap_core.report.first_page import FirstPage
+from imocap_core.report.first_page import FirstPage, SureDifference
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, read_contents, write_report
@@ -31,7 +31,9 @@ FIRST = FirstPage(
     moment="Where the hips are lowest, at 1.00 s",
     head=("angle", "v1", "v2", "expected error", "whole action"),
     rows=(("right knee bend", "63°", "9°", "± 5°", "2° to 90°"),),
-    differences=("v2's right knee is 54° straighter than v1's",),
+    differences=(
+        SureDifference("v2's right knee is 54° straighter", "v2", "right_knee", 1.0, (9, 8), 54, 5),
+    ),
     figure=Figure(),
     since="Since the last run: 3 videos (+v3).",
 )

@@ -1,13 +1,13 @@
 """The viewer's page: whole in itself, exact enough, and true to the artifacts."""
 
 import base64
+import io
 import re
 from html.parser import HTMLParser
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import cv2
+import av
 import numpy as np
 import pytest
 import torch
@@ -17,6 +17,7 @@ from imocap_core.artifacts.schemas import CameraMotion, Sync
 from imocap_core.body import load_free_body
 from imocap_core.diagnostics.findings import Finding, Verdict
 from imocap_core.figures.sheets import surfaces
+from imocap_core.io.video import encode_webm
 from imocap_core.viewer import viewer_scene
 from imocap_core.viewer.html import Block, quantised, strongest_bones
 from imocap_core.viewer.viewer_scene import contact_spans
@@ -214,11 +215,50 @@ def test_a_video_without_any_match_begins_at_nought(made: Made) -> None:
 def test_pictures_are_those_of_the_used_frames(made: Made, tmp_path: Path) -> None:
     page = page_of(made, files={"v2": write_clip(tmp_path / "v2.mp4", 18)})
     assert [v["pictures"] is None for v in page.header["videos"]] == [True, False, True]
-    own = page.header["videos"][1]["pictures"]
-    starts, data = page.array(own["starts"], -1), page.array(own["bytes"], -1)
-    assert len(starts) == 17
-    light = [cv2.imdecode(data[a:b], cv2.IMREAD_GRAYSCALE).mean() for a, b in pairwise(starts)]
+    film = page.header["videos"][1]["pictures"]
+    data, keys = page.array(film["bytes"], -1).tobytes(), page.array(film["keys"], -1)
+    packets = page.array(film["packets"], -1, 2)
+    with av.open(io.BytesIO(data)) as container:
+        light = [frame.to_ndarray(format="gray").mean() for frame in container.decode(video=0)]
+        container.seek(0)
+        parts = [bytes(p) for p in container.demux(video=0) if p.size]
+    # of limited range, in which 16 is black and 235 is white
     np.testing.assert_allclose(light, 40 + 8 * made.frames[1], atol=4)
+    assert [data[start : start + size] for start, size in packets] == parts
+    assert keys.tolist() == [1, *[0] * (len(parts) - 1)]
+
+
+def test_a_stream_of_pictures_is_the_same_each_time_and_sets_out_anew_at_key_pictures() -> None:
+    rng = np.random.default_rng(3)
+    pictures = rng.integers(0, 255, (9, 33, 41, 3)).astype(np.uint8)
+    streams = [encode_webm(pictures, crf=40, key_every=4) for _ in range(2)]
+    assert streams[0] == streams[1]
+    assert streams[0].size == (40, 32)
+    assert streams[0].keys == [n % 4 == 0 for n in range(9)]
+    with pytest.raises(ValueError, match="expected at least one, got none"):
+        encode_webm([], crf=40, key_every=4)
+
+
+def test_a_page_of_one_moment_has_the_frames_about_it(made: Made, page: Page) -> None:
+    near = page_of(made, moment_s=0.05)
+    assert near.header["timeline"]["shared"] == 0.05
+    assert len(near.text) < len(page.text)
+    for few, all_ in zip(near.header["videos"], page.header["videos"], strict=True):
+        frames, every = near.array(few["frames"], -1), page.array(all_["frames"], -1)
+        first, count = int(np.searchsorted(every, frames[0])), len(frames)
+        within = np.flatnonzero(page.array(all_["phase"], -1) <= 0.3)
+        assert first == 0
+        assert len(within) <= count <= len(within) + 2 < len(every)
+        for entry, whole in (
+            (few["answers"]["final"]["local"], all_["answers"]["final"]["local"]),
+            (few["projected"]["initial"]["xy"], all_["projected"]["initial"]["xy"]),
+            (few["sigma"], all_["sigma"]),
+        ):
+            given = page.array(whole, len(every), -1)[first : first + count]
+            np.testing.assert_array_equal(near.array(entry, count, -1), given)
+        assert few["camera"]["axes"]["count"] in (9, 9 * count)
+    with pytest.raises(ValueError, match=r"moment: expected 0\.00 to .* s, got 9\.00"):
+        page_of(made, moment_s=9.0)
 
 
 def test_windows_hold_every_box_and_lie_in_the_picture() -> None:

@@ -207,6 +207,27 @@ def test_an_address_opens_at_a_moment(browser: Browser) -> None:
     assert state(browser, "phase") == pytest.approx(0.25)
 
 
+def test_a_link_keeps_view_and_mode(browser: Browser) -> None:
+    browser.value("navigator.clipboard && (navigator.clipboard.writeText = () => Promise.reject())")
+    before = browser.value("[imocap.act.place('all'), JSON.stringify(imocap.act.state)][1]")
+    browser.value(
+        "imocap.act.answer('both'), imocap.act.flip('skeletons'), imocap.act.flip('paths'),"
+        "imocap.act.toggle(1, false), imocap.orbit.azimuth = 1.25, imocap.act.seek(0.3)"
+    )
+    link = browser.value("imocap.act.link().then(() => location.hash)")
+    browser.value(
+        "imocap.act.answer('final'), imocap.act.flip('skeletons'), imocap.act.flip('paths'),"
+        "imocap.act.toggle(1, true), imocap.act.place('apart'), imocap.act.seek(0.1)"
+    )
+    browser.wait("location.hash.startsWith('#t=0.1')")  # at rest, without the view
+    browser.value(f"location.hash = '{link}'")
+    browser.wait("imocap.act.state.phase === 0.3 && imocap.act.state.place === 'all'")
+    shown = "['answer', 'skeletons', 'paths', 'on'].map(name => imocap.act.state[name])"
+    assert browser.value(shown) == ["both", True, False, [True, False, True]]
+    assert browser.value("imocap.orbit.azimuth") == 1.25
+    browser.value(f"Object.assign(imocap.act.state, {before}), imocap.act.place('apart')")
+
+
 def test_the_eye_stays_above_the_ground(browser: Browser) -> None:
     before = browser.value("[imocap.orbit.azimuth, imocap.orbit.elevation, imocap.orbit.distance]")
     x, y, width, height = browser.value(
@@ -324,7 +345,8 @@ def test_on_a_phone_the_scene_stays_in_sight(browser: Browser, size: tuple[int, 
         browser.resize(900, 600)
 
 
-def test_while_it_plays_pictures_and_marks_are_of_one_frame(browser: Browser) -> None:
+def check_frames(browser: Browser) -> set[int]:
+    """Twenty looks while it plays: what is drawn is of the frame that skeleton and label name."""
     browser.value("imocap.act.state.loop = [0, 0.45], imocap.act.seek(0), imocap.act.play(true)")
     shown = browser.value(
         "(async () => { const out = [], card = document.querySelector('.card canvas');"
@@ -334,10 +356,29 @@ def test_while_it_plays_pictures_and_marks_are_of_one_frame(browser: Browser) ->
         "return out; })()"
     )
     browser.value("imocap.act.play(false), imocap.act.state.loop = []")
-    assert len({frame for _, frame, _ in shown}) > 1  # few where the processor is busy
     for light, frame, label in shown:
         assert light == pytest.approx(40 + 8 * frame, abs=5)
         assert label == f"frame {frame}"
+    return {frame for _, frame, _ in shown}
+
+
+def test_while_it_plays_pictures_and_marks_are_of_one_frame(browser: Browser) -> None:
+    assert browser.value("imocap.pictures[0].stream.then(s => s.constructor.name)") == (
+        "PacketStream"
+    )
+    assert len(check_frames(browser)) > 1  # few where the processor is busy
+
+
+def test_without_a_decoder_the_frames_come_from_an_element(page: Page, tmp_path: Path) -> None:
+    file = tmp_path / "viewer.html"
+    file.write_text(page.text, encoding="utf-8")
+    with Browser(tmp_path / "profile", 900, 600) as old:
+        old.call("Page.addScriptToEvaluateOnNewDocument", source="delete window.VideoDecoder")
+        old.open(file)
+        old.wait("window.imocap?.shown()[0] !== undefined")
+        assert old.value("imocap.pictures[0].stream.then(s => s.constructor.name)") == "Object"
+        assert len(check_frames(old)) > 1
+        assert old.errors == []
 
 
 def test_the_verdict_is_there_and_its_spans_are_hatched(browser: Browser) -> None:

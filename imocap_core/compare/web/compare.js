@@ -48,7 +48,7 @@ function start() {
     draw(performance.now());
     snapshot($("stage"), `${page.title} · ${state.phase.toFixed(2)} s · imocap`, theme, `${page.title}_${state.phase.toFixed(2)}s.png`);
   };
-  act.link = () => copyLink(state).then((text) => {
+  act.link = () => copyLink(state, orbit).then((text) => {
     message = text; redraw();
     setTimeout(() => { message = ""; redraw(); }, 2500);
   });
@@ -103,11 +103,10 @@ function start() {
     labels.place(view, actors, [], state);
     measure.show(state, jointOf(page, state.angle));
     showFrames(now);
-    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
     seeker = drawCurves($("curves"), page.timeline, state, curvesNow(), theme, page.angles[0].curves.some((c) => c.sd) ? "degrees; band: ± one standard deviation" : "degrees");
     showState();
     clearTimeout(written);
-    if (state.playing) redraw();
+    if (next !== null) readyAt(pictures, momentsAt(page, next)).then(redraw);
     else written = setTimeout(() => writeAddress(state), 300);
   }
 
@@ -123,7 +122,7 @@ function start() {
   }
 
   const measure = new Measure(page, act, () => ({ view, actors }));
-  const pictures = page.videos.map((video) => new Pictures(video, redraw));
+  const pictures = page.videos.map((video) => new Pictures(video, () => state.playing || redraw()));
   const frames = page.videos.map((video) => {
     if (!video.pictures) return null;
     const figure = $("frames").appendChild(document.createElement("figure"));
@@ -157,12 +156,13 @@ function start() {
     ...transportKeys(act), o: () => act.place(state.apart ? "all" : "apart"), b: () => act.flip("skeletons"),
     f: () => { act.fit(); redraw(); }, p: () => act.snapshot(), Escape: () => act.measure(null),
   }, page.videos.length, act);
-  addEventListener("hashchange", () => act.go(momentOf(location.hash)));
+  const goTo = (given) => { choose(given, act, orbit); act.go(given); };
+  addEventListener("hashchange", () => goTo(momentOf(location.hash)));
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
   act.seek(page.findings.find((finding) => finding.angle)?.at ?? state.phase);
-  act.go(momentOf(location.hash));
   act.place(page.videos.length > 1 ? "apart" : "all");
+  goTo(momentOf(location.hash));
   dress();
   const where = (body, joint) => {
     const actor = actors.find((a) => a.video === body);

@@ -3,6 +3,7 @@
 import { byNumber, chooseNobody, drop, ignoreHere, mark, saveMarks, splitHere, startHere, stopHere } from "./actions.js";
 import { step } from "./api.js";
 import { changed, countOf, fpsOf, momentOf, seek, selectedVideo, store, view } from "./store.js";
+import { play } from "./stage.js";
 import { stepOf } from "./strip.js";
 import { element } from "./text.js";
 
@@ -19,6 +20,7 @@ const KEYS = [
   ["Enter", "these marks show the same moment"],
   ["Delete", "drop the video"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
+  ["P", "play or pause"],
   ["F", "find people"],
   ["Tab", "every button, grip and person in turn"],
 ];
@@ -49,7 +51,7 @@ function handle(event) {
   const onButton = event.target.closest("button, a, .person");
   if (event.key === "Enter" && !onButton && view.marks.size > 1) { saveMarks(); return true; }
   const acts = {
-    0: () => chooseNobody(video), "[": () => startHere(), "]": () => stopHere(), s: () => splitHere(), m: () => mark(), x: () => ignoreHere(),
+    0: () => chooseNobody(video), "[": () => startHere(), "]": () => stopHere(), s: () => splitHere(), m: () => mark(), p: () => play(), x: () => ignoreHere(),
     Delete: () => drop(), f: () => document.getElementById("find").click(), "?": () => document.getElementById("help").showModal(),
     ArrowUp: () => move(-1), ArrowDown: () => move(1),
   };

@@ -3,7 +3,7 @@
 import { choose, chooseNobody, choosePoint, ignoreHere, splitHere, startHere, stopHere, mark } from "./actions.js";
 import { declaredPerson, framesInside, likelyPerson, rowAt } from "./performer.js";
 import { addressOf, picture } from "./pictures.js";
-import { countOf, fileOf, momentOf, peopleOf, seek, selectedVideo, shownFrame, sizeOf, spanOf, changed, view, videoOf } from "./store.js";
+import { countOf, fileOf, fpsOf, momentOf, peopleOf, seek, selectedVideo, shownFrame, sizeOf, spanOf, changed, view, videoOf } from "./store.js";
 import { colourOf, element, seconds, write } from "./text.js";
 
 const get = (id) => document.getElementById(id);
@@ -17,7 +17,23 @@ let loading = null, drawn = "";
 /** The video under the pointer, or the selected one. */
 export const shownVideo = () => (view.preview && videoOf(view.preview.id)) || selectedVideo();
 
+let playing = 0;
+
+/** Play the selected video from its moment, or stop; a frame waits until the one before it is there. */
+export function play() {
+  const video = selectedVideo();
+  if (playing || !video) playing = clearInterval(playing) ?? 0;
+  else playing = setInterval(() => {
+    const now = selectedVideo(), next = momentOf(now) + 1;
+    if (now.id !== video.id || next >= countOf(now)) return play();
+    if (!loading) seek(now.id, next);
+  }, 1000 / fpsOf(video));
+  get("play").textContent = playing ? "❚❚" : "▶";
+  get("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+}
+
 export function setUpStage() {
+  get("play").addEventListener("click", play);
   get("scrub").addEventListener("input", (event) => seek(view.selected, Number(event.target.value)));
   for (const button of document.querySelectorAll("#transport [data-step]")) {
     button.addEventListener("click", () => seek(view.selected, momentOf(selectedVideo()) + Number(button.dataset.step)));

@@ -26,7 +26,7 @@ function start() {
   const reveal = $("reveal").querySelector("input");
   reveal.addEventListener("input", () => act.reveal(Number(reveal.value)));
   const cards = page.videos.map((video, i) => new Card(video, i, $("cards"), act));
-  const pictures = page.videos.map((video) => new Pictures(video, redraw));
+  const pictures = page.videos.map((video) => new Pictures(video, () => state.playing || redraw()));
   const labels = new Labels($("labels"), page), curves = new Curves(page);
   const measure = new Measure(page, act, () => ({ view, actors }));
   const lead = page.videos.findIndex((video) => video.id === page.reference);
@@ -82,8 +82,7 @@ function start() {
     showTools(state);
     showChoice(state);
     showState();
-    if (state.playing) redraw();
-    if (next !== null) momentsAt(page, next).forEach((n, i) => n && pictures[i].ahead(Math.round(n.at)));
+    if (next !== null) readyAt(pictures, momentsAt(page, next)).then(redraw);
     clearTimeout(written);
     if (!state.playing) written = setTimeout(() => writeAddress(state), 300);
   }
@@ -135,7 +134,7 @@ function start() {
     const said = `${page.title} · ${state.phase.toFixed(2)} s of ${page.reference} · imocap`;
     snapshot($("stage"), said, theme, `${page.title}_${state.phase.toFixed(2)}s.png`);
   };
-  act.link = () => copyLink(state).then(say);
+  act.link = () => copyLink(state, orbit).then(say);
   const seekers = [null, null, null];
   for (const [k, id] of ["lanes", "warps", "curves"].entries()) {
     const to = (e) => seekers[k] && act.seek(seekers[k](e.offsetX));
@@ -144,7 +143,8 @@ function start() {
   }
   listenToTransport(page, act);
   listenToKeys({ ...transportKeys(act), ...viewerKeys(act) }, page.videos.length, act);
-  addEventListener("hashchange", () => act.go(momentOf(location.hash)));
+  const goTo = (given) => { choose(given, act, orbit); act.go(given); };
+  addEventListener("hashchange", () => goTo(momentOf(location.hash)));
   const arrange = () => {
     const stacked = matchMedia("(max-width: 760px), (max-height: 500px)").matches;
     const room = [$("side").clientWidth - 20, stacked ? innerHeight : $("side").clientHeight - 48];
@@ -155,8 +155,8 @@ function start() {
   };
   new ResizeObserver(arrange).observe($("page"));
   orbit.azimuth = page.azimuth;
-  act.go(momentOf(location.hash));
   act.place(placeFor(page.videos.length, $("stage").clientWidth / $("stage").clientHeight));
+  goTo(momentOf(location.hash));
   dress();
   window.imocap = {
     act, page, orbit, scene, curves, pictures, rgb, contrast, readable, theme: () => theme,

@@ -1,10 +1,11 @@
-// Source frames: decoded ahead of time, each shown with the frame it is of.
+// Source frames: a small video each, decoded ahead of time, each picture shown with the frame it is of.
 
-const KEPT = 48, AT_ONCE = 2; // pictures of a video: kept, and decoded at one time
+const KEPT = 48, AT_ONCE = 3, LATE_MS = 1000; // pictures of a video: kept, decoded at one time, waited for
 
 class Pictures {
   constructor(video, ready) {
-    this.video = video; this.ready = ready; this.decoded = new Map(); this.busy = new Set(); this.last = null;
+    Object.assign(this, { video, ready, decoded: new Map(), busy: new Set(), last: null });
+    if (video.pictures) this.stream = openStream(video.pictures);
   }
 
   // The decoded picture nearest to a frame: {bitmap, frame}, the frame being the picture's. Null
@@ -17,9 +18,9 @@ class Pictures {
     return this.last === null ? null : { bitmap: this.decoded.get(this.last), frame: this.frame(this.last) };
   }
 
-  // Decode what will be wanted soon.
-  ahead(frame) {
-    if (this.video.pictures) this.decode(this.number(frame));
+  // Decode what will be wanted soon; ends when it is there.
+  async ahead(frame) {
+    if (this.video.pictures) await this.decode(this.number(frame));
   }
 
   nearest(number) {
@@ -28,8 +29,8 @@ class Pictures {
   }
 
   number(frame) {
-    const { every, starts } = this.video.pictures;
-    return clamp(Math.round(frame / every), 0, starts.length - 2);
+    const { every, keys } = this.video.pictures;
+    return clamp(Math.round(frame / every), 0, keys.length - 1);
   }
 
   frame(number) {
@@ -38,12 +39,13 @@ class Pictures {
 
   async decode(number) {
     if (this.decoded.has(number) || this.busy.has(number) || this.busy.size >= AT_ONCE) return;
-    const { bytes, starts, kind } = this.video.pictures;
     this.busy.add(number);
+    const asked = this.stream;
     try {
-      this.decoded.set(number, await decodedPicture(bytes.subarray(starts[number], starts[number + 1]), kind));
+      this.decoded.set(number, await (await asked).picture(number));
     } catch {
-      this.decoded.set(number, await createImageBitmap(new ImageData(1, 1))); // damaged: not tried again
+      if (asked === this.stream && this.refused) return; // neither can: it stays busy, and is not asked again
+      if (asked === this.stream) this.refused = true, this.stream = openElement(this.video.pictures);
     }
     this.busy.delete(number);
     for (const [key, old] of this.decoded) {
@@ -54,13 +56,64 @@ class Pictures {
   }
 }
 
-// Where there is an ImageDecoder it is faster: no file is made and read, which waits for a busy page.
-async function decodedPicture(bytes, kind) {
-  if (!window.ImageDecoder) return createImageBitmap(new Blob([bytes], { type: kind }));
-  const decoder = new ImageDecoder({ data: bytes, type: kind });
-  try {
-    return (await decoder.decode()).image;
-  } finally {
-    decoder.close();
+// Ends when the pictures of a moment are decoded, or after a while: decoders deliver while nothing is drawn.
+const readyAt = (pictures, now) => Promise.race([
+  Promise.all(now.map((n, i) => n && pictures[i].ahead(Math.round(n.at)))),
+  new Promise((done) => setTimeout(done, LATE_MS)),
+]);
+
+// A stream gives the picture of a number as an ImageBitmap: from a decoder, or an element where there is none.
+async function openStream(pictures) {
+  const [codedWidth, codedHeight] = pictures.size;
+  const config = { codec: "vp09.00.31.08", codedWidth, codedHeight, optimizeForLatency: true, hardwareAcceleration: "prefer-software" };
+  const can = window.VideoDecoder && (await VideoDecoder.isConfigSupported(config)).supported;
+  return can ? new PacketStream(pictures, config) : openElement(pictures);
+}
+
+class PacketStream {
+  constructor(pictures, config) {
+    Object.assign(this, { pictures, next: 0, waiting: new Map() });
+    const fail = (error) => { for (const [, refuse] of this.waiting.values()) refuse(error); };
+    this.decoder = new VideoDecoder({ output: (frame) => this.give(frame), error: fail });
+    this.decoder.configure(config);
   }
+
+  // What lies between is decoded and dropped: from the last picture, or a key picture where that is nearer.
+  picture(number) {
+    const { packets, keys, bytes } = this.pictures, key = keys.lastIndexOf(1, number);
+    let n = this.next > key && this.next <= number ? this.next : key;
+    this.next = number + 1;
+    return new Promise((resolve, reject) => {
+      this.waiting.set(number, [resolve, reject]);
+      for (; n <= number; n++) {
+        const data = bytes.subarray(packets[2 * n], packets[2 * n] + packets[2 * n + 1]);
+        this.decoder.decode(new EncodedVideoChunk({ type: keys[n] ? "key" : "delta", timestamp: n, data }));
+      }
+    });
+  }
+
+  give(frame) {
+    const asked = this.waiting.get(frame.timestamp);
+    this.waiting.delete(frame.timestamp);
+    if (asked) asked[0](frame);
+    else frame.close();
+  }
+}
+
+// The same from a <video>, one seek after another: the middle of a picture's time is that picture.
+function openElement({ bytes, rate }) {
+  const film = Object.assign(document.createElement("video"), { muted: true, playsInline: true });
+  film.src = URL.createObjectURL(new Blob([bytes], { type: "video/webm" }));
+  const once = (name) => new Promise((resolve, reject) => {
+    film.addEventListener(name, resolve, { once: true });
+    film.addEventListener("error", reject, { once: true });
+  });
+  let turn = once("loadeddata");
+  const picture = (number) => turn = turn.catch(() => {}).then(async () => {
+    const there = once("seeked");
+    film.currentTime = (number + 0.5) / rate;
+    await there;
+    return createImageBitmap(film);
+  });
+  return { picture };
 }

@@ -33,7 +33,7 @@ function shadesOf(color, empty) {
 // One lane a video: a bar from its first to its last frame, full where the match is sure.
 function drawLanes(canvas, page, state, theme) {
   const { pen, width, height } = sized(canvas), axis = page.timeline, bottom = height - 16;
-  const x = (s) => LEFT + ((s - axis.first) / (axis.last - axis.first || 1)) * (width - LEFT - RIGHT);
+  const x = (s) => LEFT + clamp((s - axis.first) / (axis.last - axis.first || 1), 0, 1) * (width - LEFT - RIGHT);
   pen.textAlign = "center";
   for (const tick of ticks(axis.first, axis.last, width / 80)) {
     pen.fillStyle = theme.line; pen.fillRect(x(tick.at), 0, 1, bottom);

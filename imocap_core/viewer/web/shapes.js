@@ -1,7 +1,7 @@
 // Lines of the scene as lists of [from, to, color]; colors are four numbers from 0 to 1.
 
 const PLANE_M = 0.5; // how far before its camera a picture hangs
-const PATH_PIECES = 80;
+const PATH_PIECES = 80, PATH_M = 0.004; // above the ground: through the body it would look like a tail
 
 // The lens of a video's camera in a frame, in pixels: a zoom scales its focal length.
 function lensAt(video, frame) {
@@ -55,7 +55,7 @@ function covers(view, video, frame, actors) {
 function path(video, answer, shape, sky) {
   const color = rgb(video.color), count = answer.trans.length / 3, out = [];
   const step = Math.ceil(count / PATH_PIECES);
-  const place = (t) => [0, 1, 2].map((i) => answer.trans[3 * t + i] + shape.joints[i]);
+  const place = (t) => [answer.trans[3 * t] + shape.joints[0], PATH_M, answer.trans[3 * t + 2] + shape.joints[2]];
   for (let t = 0; t + 1 < count; t += step) {
     const share = 0.25 + (0.75 * t) / count;
     out.push([place(t), place(Math.min(t + step, count - 1)), [...mix(sky, color, share), 1]]);

@@ -47,7 +47,7 @@ function makeTools(parent, beside, over, act) {
   ]);
   const extras = group(parent, [
     ["cameras", "Cameras with their pictures", () => act.flip("cameras")],
-    ["paths", "The way of the pelvis, pale at the start", () => act.flip("paths")],
+    ["paths", "The way of the pelvis over the ground, pale at the start", () => act.flip("paths")],
     ["skeletons", "Skeletons instead of bodies (b)", () => act.flip("skeletons")],
     ["uncertainty", "Coloured by the standard deviation of each joint (u)", () => act.flip("uncertainty")],
   ]);

@@ -1,0 +1,153 @@
+"""The coach's card: the largest differences of an action on one page, for a phone or for paper."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from imocap_core.artifacts.schemas import RefineSync
+from imocap_core.body import Model
+from imocap_core.diagnostics.findings import Verdict
+from imocap_core.figures.overlays import CELL_PX, Image
+from imocap_core.figures.sheets import (
+    SheetVideo,
+    moment_cells,
+    read_cells,
+    upright_bodies,
+    upright_world,
+)
+from imocap_core.figures.style import color_of
+from imocap_core.render import common_scale, draw_view
+from imocap_core.report.first_page import SureDifference
+from imocap_core.report.page_files import COLOURS, badge
+
+CARD = "card.html"
+_SHOWN = 3
+_REFERENCE_RGB = (168, 174, 181)
+_VIEWS = ("front", "side")
+_QUALITY, _SOLID = 85, 0.68  # of JPEG; of a ghost, the video's share
+_OF_PELVIS, _BARE = 0.5, 200  # weight of the skin about the pelvis; darker is a body
+_STYLE = """
+body { max-width: 460px; margin: 0 auto; padding: .8rem; }
+h1 { font-size: 1.25rem; margin: 0 0 .3rem; } h2 { font-size: 1rem; margin: .9rem 0 .3rem; }
+p { margin: .3rem 0; color: var(--quiet); font-size: .85rem; }
+.row { display: grid; grid-template-columns: repeat(3, 1fr); gap: 6px; }
+figure { margin: 0; } img { width: 100%; display: block; border-radius: 6px; }
+figcaption { font-size: .75rem; color: var(--quiet); }
+section { break-inside: avoid; }
+@media print {
+  @page { size: A4; margin: 10mm; }
+  :root { color-scheme: light; }
+  body { font-size: 12px; padding: 0; }
+  .level { print-color-adjust: exact; }
+  img { max-height: 42mm; object-fit: contain; }
+}
+"""
+
+
+def largest_differences(differences: Sequence[SureDifference]) -> list[SureDifference]:
+    """At most three, the largest first: of different angles, as far as there are so many."""
+    order = sorted(differences, key=lambda d: -d.size_deg)
+    leading = {d.angle: d for d in reversed(order)}.values()
+    chosen = sorted(order, key=lambda d: d not in leading)[:_SHOWN]
+    return sorted(chosen, key=order.index)
+
+
+def card_page(
+    title: str,
+    verdict: Verdict,
+    differences: Sequence[SureDifference],
+    videos: Sequence[SheetVideo],
+    refined: RefineSync,
+    model: Model,
+) -> str | None:
+    """The page; None where no angle differs for sure. Its pictures: the two frames, and the body
+    over that of the reference."""
+    chosen = largest_differences(differences)
+    if not chosen:
+        return None
+    parts = [_section(k + 1, d, videos, refined, model) for k, d in enumerate(chosen)]
+    reference = html.escape(refined.sync.reference)
+    doubtful = verdict.level != "good" and len(verdict.summary) > 1
+    doubt = f"<p>{html.escape(verdict.summary[1])}</p>" if doubtful else ""
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{html.escape(title)} · card</title><style>{COLOURS}{_STYLE}</style></head><body>\n"
+        f"<h1>{html.escape(title)}{badge(verdict)}</h1>\n{doubt}"
+        f"{''.join(parts)}"
+        f"<p>Grey: {reference}. ±: the expected error of the difference, one standard deviation."
+        "</p></body></html>\n"
+    )
+
+
+def _section(
+    number: int,
+    difference: SureDifference,
+    videos: Sequence[SheetVideo],
+    refined: RefineSync,
+    model: Model,
+) -> str:
+    ids = [video.keypoints.id for video in videos]
+    names = (difference.video, refined.sync.reference)
+    of = [
+        (v, int(np.abs(videos[v].keypoints.frames - frame).argmin()))
+        for v, frame in zip(map(ids.index, names), difference.frames, strict=True)
+    ]
+    pictures = []
+    for (v, t), name in zip(of, names, strict=True):
+        (cell,) = moment_cells(videos[v], [t], *read_cells(videos[v], [t]))
+        pictures.append(_figure(cell, f"{name}, frame {videos[v].keypoints.frames[t]}"))
+    ghost, view = _ghost(of, videos, refined, model)
+    pictures.append(_figure(ghost, f"{names[0]} over {names[1]}, from the {view}"))
+    link = f'<a href="viewer.html#t={difference.phase_s:.2f}">In 3D</a>'
+    return (
+        f"<section><h2>{number}. {html.escape(difference.sentence)}</h2>\n"
+        f'<div class="row">{"".join(pictures)}</div><p>{link}</p></section>\n'
+    )
+
+
+def _ghost(
+    of: Sequence[tuple[int, int]], videos: Sequence[SheetVideo], refined: RefineSync, model: Model
+) -> tuple[Image, str]:
+    """Two bodies, (video, index of a frame) each, one seen through the other, facing one way, their
+    pelvises above one place; from the side that tells them apart better."""
+    ground, cameras = upright_world(refined), refined.motion.cameras
+    of_pelvis = model.weights.numpy()[:, 0] > _OF_PELVIS
+    bodies, headings = [], []
+    for v, t in of:
+        posed, facing = upright_bodies(videos[v].final, cameras[v], ground, model, [t])
+        middle = posed[0][of_pelvis].mean(axis=0)
+        bodies.append(posed[0] - [middle[0], posed[0][:, 1].min(), middle[2]])
+        headings.append(facing[0])
+    scale = 0.85 * common_scale(np.stack(bodies), np.stack(headings), CELL_PX)
+    middle_m = np.array([0.0, max(float(b[:, 1].max()) for b in bodies) / 2, 0.0])
+    faces = model.faces.numpy()
+    ids = [video.keypoints.id for video in videos]
+    video_rgb = 255 * np.array(to_rgb(color_of(ids, ids[of[0][0]])))
+    colors = (video_rgb, np.array(_REFERENCE_RGB, float))
+    best, apart = (np.zeros((0, 0, 3), np.uint8), ""), -1.0
+    for view in _VIEWS:
+        first, second = (
+            draw_view(
+                body, faces, np.tile(rgb, (len(faces), 1)), heading, view, CELL_PX, scale, middle_m
+            ).astype(np.float64)
+            for body, heading, rgb in zip(bodies, headings, colors, strict=True)
+        )
+        differs = float(((first < _BARE).any(-1) != (second < _BARE).any(-1)).mean())
+        if differs > apart:
+            best, apart = ((_SOLID * first + (1 - _SOLID) * second).astype(np.uint8), view), differs
+    return best
+
+
+def _figure(picture: Image, caption: str) -> str:
+    done, data = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    assert done
+    source = f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode('ascii')}"
+    text = html.escape(caption)
+    return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'
