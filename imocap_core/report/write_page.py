@@ -39,8 +39,8 @@ from imocap_core.figures.style import quiet, save
 from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
-from imocap_core.report.changes import last_result
 from imocap_core.report.card import CARD, card_page
+from imocap_core.report.changes import last_result
 from imocap_core.report.first_page import ANGLES, first_page
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_files import PAGE, TEXT, links
