@@ -55,14 +55,9 @@ class SureDifference:
 class FirstPage:
     """The key angles of an action.
 
-    <<<<<<< HEAD
-        moment: which moment the table is of, in words. head, rows: the table. differences: sentences
-        on where the videos' angles differ by more than their error. figure: the angles over time.
-        since: what has changed since the last run; empty where nothing has.
-    =======
-        moment: which moment the table is of, in words. head, rows: the table. differences: where the
-        videos' angles differ by more than their error. figure: the angles over time.
-    >>>>>>> viewer
+    moment: which moment the table is of, in words. head, rows: the table. differences: where the
+    videos' angles differ by more than their error. figure: the angles over time. since: what has
+    changed since the last run; empty where nothing has.
     """
 
     moment: str
