@@ -26,7 +26,7 @@ from imocap_core.sync import SyncEvidence, SyncResult, synchronise
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 from imocap_core.sync.warp.template import median_positions
 
-METHODS = ("none", "softmap", "als", "svt", "auto")
+METHODS = ("none", "softmap", "als", "svt")
 WARPS = ("posterior", "dtw")
 
 

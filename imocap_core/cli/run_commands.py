@@ -113,19 +113,19 @@ def _watch(
     from imocap_core.library import watching
     from imocap_core.library.running import run_action
     from imocap_core.library.terminal import Terminal
+    from imocap_core.report.changes import compared
 
     console, plain = speaker(), speaker(markup=False)
     plain.print(f"Watching {folder}; Ctrl-C ends it.")
     for _ in watching.settled_changes(folder):
         try:
-            update = watching.bring_up_to_date(root, folder, name)
-            name = update.action
+            name = watching.bring_up_to_date(root, folder, name)
             before = watching.last_result(root, name)
             with Terminal(console, verbose=verbose) as display:
                 done = run_action(name, root=root, progress=display, **options)
             _print_summary(console, done, verbose)
             if (after := watching.last_result(root, name)) is not None:
-                plain.print(watching.record(root, update, before, after))
+                plain.print(compared(before, after))
         except ImocapError as error:  # too few clips yet, or a bad one: others may come
             plain.print(str(error))
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +19,9 @@ from imocap_core.library.new_action import (
 from imocap_core.library.result import Result, load
 from imocap_core.pipeline.action import DETECT, FILE_NAME, declared_path, read_action
 from imocap_core.pipeline.yaml_file import edited_text
-from imocap_core.report.changes import compared, expected_error_mm, moved_mm
 
 POLL_S = 2.0
-HISTORY = "history.md"
-HEAD = "| videos | new | gone | moved, mm | expected error, mm | before | verdict |\n"
-HEAD += "|---|---|---|---:|---:|---:|---|\n"
 Listing = list[tuple[Path, int, int]]
-
-
-@dataclass(frozen=True)
-class Update:
-    """What a change of the folder did to the action: the ids that came and went."""
-
-    action: str
-    new: list[str]
-    gone: list[str]
 
 
 def settled_changes(folder: Path, wait: Callable[[float], object] = time.sleep) -> Iterator[None]:
@@ -63,14 +49,13 @@ def _listing(folder: Path) -> Listing:
     return files
 
 
-def bring_up_to_date(root: Path, folder: Path, name: str | None) -> Update:
+def bring_up_to_date(root: Path, folder: Path, name: str | None) -> str:
     """Make the action of a folder's videos, or add to it those that are new and remove those that
-    are gone; all else in action.yaml stays. WrongUse while there is no video."""
+    are gone; all else in action.yaml stays. Returns its name. WrongUse while there is no video."""
     files, _ = video_files([folder])
     name = name_of([folder], files) if name is None else name
     if not (root / "actions" / name / FILE_NAME).is_file():
-        name, _ = action_of_videos(root, name, [folder])
-        return Update(name, [video.id for video in read_action(root / "actions" / name).videos], [])
+        return action_of_videos(root, name, [folder])[0]
     place = root / "actions" / name
     declared = {v.id: v.video for v in read_action(place).videos}
     there = {file.resolve(): file for file in files}
@@ -92,7 +77,7 @@ def bring_up_to_date(root: Path, folder: Path, name: str | None) -> Update:
     if gone or entries:
         text = (place / FILE_NAME).read_text(encoding="utf-8")
         write_whole(place / FILE_NAME, edited_text(text, change))
-    return Update(name, ids, gone)
+    return name
 
 
 def last_result(root: Path, action: str) -> Result | None:
@@ -101,22 +86,3 @@ def last_result(root: Path, action: str) -> Result | None:
         return load(root / "artifacts" / action)
     except ImocapError:
         return None
-
-
-def record(root: Path, update: Update, before: Result | None, after: Result) -> str:
-    """Add a row to artifacts/ACTION/history.md; a sentence that says the same."""
-    file = root / "artifacts" / update.action / HISTORY
-    text = file.read_text(encoding="utf-8") if file.is_file() else HEAD
-    verdict = "" if after.verdict is None else after.verdict.summary[0]
-    row: Sequence[str] = (
-        str(len(after.ids)),
-        ", ".join(update.new),
-        ", ".join(update.gone),
-        *(
-            "" if x is None else f"{x:.0f}"
-            for x in (moved_mm(before, after), expected_error_mm(after), expected_error_mm(before))
-        ),
-        verdict.replace("|", " "),
-    )
-    write_whole(file, text + "| " + " | ".join(row) + " |\n")
-    return compared(before, after)

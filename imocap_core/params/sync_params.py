@@ -8,7 +8,7 @@ from typing import Literal
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.params.bounds import Count, NonNegative, Positive, Share, WholeNumber, param
 
-CycleMethod = Literal["als", "svt", "softmap", "none", "auto"]
+CycleMethod = Literal["als", "svt", "softmap", "none"]
 Warp = Literal["posterior", "dtw"]
 
 
@@ -29,8 +29,7 @@ class SyncParams:
     method: CycleMethod = param(
         "softmap",
         "Cycle consistency of the pairwise affinities: `als` and `svt` are the paper's (Eq. 2), "
-        "`softmap` composes soft maps, `none` uses the pairs as they are, `auto` takes the "
-        "one that reconstructs left-out pairs best.",
+        "`softmap` composes soft maps, `none` uses the pairs as they are.",
     )
     rounds: Count = param(2, "Compositions of soft maps (method `softmap`).")
     warp: Warp = param(

@@ -30,10 +30,8 @@ def last_result(job: Job, stored: Mapping[str, Stored]) -> ActionResult | None:
         return None
     if digests.get("refine_sync") == stored["refine_sync"].digest:
         return None
-    results = {}
-    for stage in stored:
-        if keys.get(stage, "").isalnum() and (result := store.find(name, stage, keys[stage])):
-            results[stage] = result
+    cached = {s: store.find(name, s, keys[s]) for s in stored if keys.get(s, "").isalnum()}
+    results = {stage: result for stage, result in cached.items() if result}
     try:
         return read_result(artifacts_of_stages(name, results), ActionResult)
     except ImocapError:
@@ -46,8 +44,8 @@ def compared(before: ActionResult | None, after: ActionResult) -> str:
     was = after.ids if before is None else before.ids
     changes = [f"+{i}" for i in after.ids if i not in was]
     changes += [f"-{i}" for i in was if i not in after.ids]
-    parts = [f"{len(after.ids)} video{'s' * (len(after.ids) != 1)}"]
-    parts[0] += f" ({' '.join(changes)})" if changes else ""
+    named = f" ({' '.join(changes)})" if changes else ""
+    parts = [f"{len(after.ids)} video{'s' * (len(after.ids) != 1)}{named}"]
     moved, errors = moved_mm(before, after), [expected_error_mm(r) for r in (before, after)]
     if moved is not None:
         parts.append(f"the motion of {'the others' if changes else 'all'} moved by {moved:.0f} mm")
@@ -77,7 +75,6 @@ def _in_camera(video: VideoResult) -> Float[np.ndarray, "T J 3"]:
 
 def expected_error_mm(result: ActionResult | None) -> float | None:
     """Mean standard deviation of all joints; None before the stage uncertainty has run."""
-    if result is None:
-        return None
-    sds = [video.uncertainty for video in result if video.uncertainty is not None]
+    videos = () if result is None else result
+    sds = [video.uncertainty for video in videos if video.uncertainty is not None]
     return float(np.mean([np.nanmean(sd) for sd in sds])) if sds else None

@@ -1,8 +1,7 @@
 """Situations from public bug reports of this field, called as their users would call them.
 
 Each ends with the right value, or with a sentence that names the cause and the remedy. Small files
-are made here, of a film whose joints are known, and read as the stage `keypoints` reads them; what
-needs more than a file has the tests that ELSEWHERE names.
+are made here, of a film whose joints are known, and read as the stage `keypoints` reads them.
 """
 
 import json
@@ -300,36 +299,3 @@ def test_a_path_that_leads_nowhere(given: str, tmp_path: Path) -> None:
     text(tmp_path, "action.yaml", {"name": "serve", "videos": videos})
     with pytest.raises(WorkFailed, match=PATHS[given]):
         check_files(read_action(tmp_path))
-
-
-ELSEWHERE = {
-    "keypoints of pixels that are not square": "pixels_that_are_not_square",
-    "a front camera's mirrored picture": "all_eight_orientations",
-    "a lens where the camera hardly turns": "a_camera_that_hardly_turns_tells_nothing",
-    "another shot's frames at the ends": "frames_of_another_shot_are_not_used",
-    "a script without a guard": "a_script_needs_no_guard",
-    "from standard input, -c, at once": "a_script_without_a_guard_ends_with_the_result",
-    "other forms of AlphaPose, MMPose, Ultralytics, MediaPipe, DWPose": "what_was_written_is_read",
-    "WHAM's ids as numpy makes them, SOMA": "the_performer_is_found_among_two_people",
-    "a terminal in cp1252": "a_terminal_without_the_characters_gets_others",
-    "a phone's slow motion": "a_slow_motion_film_of_a_phone_has_the_rate_of_its_camera",
-    "slow motion, declared": "slow_motion_and_a_time_lapse_have_the_declared_rate",
-    "webm, mts, avi, wmv, gif, raw H.264": "every_compression_is_read_back",
-    "a playlist as a video": "a_file_that_names_others_is_not_opened",
-    "five lines": "the_terminal_has_the_three_sentences_however_much_there_is_to_know",
-    "subfolders, other scripts, `my serve`": "names_in_other_scripts_and_with_spaces",
-    "JSON nested without end": "a_pulled_memory_that_is_nested_without_end_is_as_none",
-    "hostile requests to `pick`": "a_length_without_end_and_a_short_body",
-    "escape characters": "a_refusal_shows_escape_characters_as_such",
-    "reserved names": "an_attachment_that_names_another_place_makes_its_artifact_corrupt",
-    "a full disk": "a_full_disk_names_the_file_that_was_written",
-    "LAFAN1's BVH for robots": "lafan1s_reader_finds_its_joints_where_ours_are",
-    "AMASS' betas on another body": "our_shape_reaches_no_other_body",
-    "a folder that fills": "a_change_is_compared_with_the_last_result",
-}
-
-
-def test_what_needs_more_than_a_file_is_tested() -> None:
-    texts = [file.read_text() for file in Path(__file__).parents[1].rglob("test_*.py")]
-    for name in ELSEWHERE.values():
-        assert any(f"def test_{name}(" in content for content in texts), name

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -293,44 +292,38 @@ def test_a_file_that_grows_is_waited_for(tmp_path: Path) -> None:
 def test_an_action_takes_new_clips_and_keeps_what_it_has(tmp_path: Path) -> None:
     clips = tmp_path / "clips"
     (clips / "more").mkdir(parents=True)
+
+    def ids_then(name: str | None) -> list[str]:
+        action = watching.bring_up_to_date(tmp_path, clips, name)
+        assert action == (name or "clips")
+        return [video.id for video in read_action(tmp_path / "actions" / action).videos]
+
     with pytest.raises(WrongUse, match="expected videos in the folder, got none"):
-        watching.bring_up_to_date(tmp_path, clips, "serve")
+        ids_then("serve")
     for name in ("a.mp4", "b.mp4"):
         write_video(clips / name)
-    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == ["a", "b"]
+    assert ids_then("serve") == ["a", "b"]
     file = tmp_path / "actions" / "serve" / "action.yaml"
     file.write_text(file.read_text() + "event: true  # one performance\n")
     write_video(clips / "more" / "A.mp4")
     write_video(clips / "\u6df1\u8e72.mp4")
     (clips / "b.mp4").unlink()
-    update = watching.bring_up_to_date(tmp_path, clips, "serve")
-    assert (update.new, update.gone) == (["v1", "v2"], ["b"])
-    assert [v.id for v in read_action(file.parent).videos] == ["a", "v1", "v2"]
+    assert ids_then("serve") == ["a", "v1", "v2"]
     assert "event: true  # one performance" in file.read_text()
-    assert watching.bring_up_to_date(tmp_path, clips, None).action == "clips"
+    before = ids_then(None)
     write_video(clips / "c.mp4")
-    assert watching.bring_up_to_date(tmp_path, clips, None).new == ["c"]  # watched again
-    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == ["c"]
+    assert ids_then(None) == [*before, "c"]  # watched again
+    assert ids_then("serve") == ["a", "v1", "v2", "c"]
     unchanged = file.read_bytes()
-    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == []
+    assert ids_then("serve") == ["a", "v1", "v2", "c"]
     assert file.read_bytes() == unchanged
 
 
-def test_a_change_is_compared_with_the_last_result(small_run: SmallRun, tmp_path: Path) -> None:
+def test_a_change_is_compared_with_the_last_result(small_run: SmallRun) -> None:
     result = small_run.result
-    update = watching.Update("serve", ["v2"], [])
     assert moved_mm(None, result) is None
-    (tmp_path / "artifacts" / "serve").mkdir(parents=True)
-    for _ in range(2):
-        sentence = watching.record(tmp_path, update, result, result)
-        assert sentence == compared(result, result)
-        assert sentence.startswith("2 videos; the motion of all moved by 0 mm; expected error ")
-    file = tmp_path / "artifacts" / "serve" / watching.HISTORY
-    rows = file.read_text(encoding="utf-8").splitlines()
-    assert len(rows) == 4
-    assert rows[2] == rows[3]
-    assert rows[2].startswith("| 2 | v2 |  | 0 | ")
+    sentence = compared(result, result)
+    assert sentence.startswith("2 videos; the motion of all moved by 0 mm; expected error ")
     error = expected_error_mm(result)
     assert error is not None
     assert np.isfinite(error)
-    shutil.rmtree(tmp_path / "artifacts")

@@ -5,9 +5,7 @@ import pytest
 
 from imocap_core.sync.cycle import (
     als,
-    held_out_residual,
     relax,
-    relax_auto,
     row_contrast,
     row_stochastic,
     shrink_spectrum,
@@ -148,24 +146,11 @@ def test_an_uninformative_video_does_not_blur_the_others() -> None:
     assert matching.min() > 0.9
 
 
-def test_auto_prefers_the_smaller_held_out_residual() -> None:
-    _, noisy, blocks = permutation_scene(RNG(6), noise=0.1)
-    maps = BlockMaps.of(noisy + 1e-6, blocks)
-    _, report = relax_auto(maps, rounds=2, rng=RNG(0))
-    residual = {m: held_out_residual(m, maps, rounds=2, rng=RNG(0)) for m in ("softmap", "als")}
-    assert report.method == min(residual, key=lambda m: residual[m])
-
-
 def test_two_videos_have_no_cycle() -> None:
     maps = BlockMaps.of(np.eye(6), Blocks((3, 3)))
     same, report = relax("softmap", maps, rounds=2, rng=RNG(0))
     assert same is maps
     assert "fewer than three" in report.status
-
-
-def test_unknown_method_is_named() -> None:
-    with pytest.raises(ValueError, match="magic"):
-        relax("magic", BlockMaps.of(np.eye(9), Blocks((3, 3, 3))), rounds=2, rng=RNG(0))
 
 
 def test_symmetric_affinity() -> None:

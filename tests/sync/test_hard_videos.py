@@ -107,7 +107,7 @@ def test_a_longer_hold_is_crossed_at_one_pace() -> None:
 
 @pytest.mark.parametrize(
     ("method", "warp"),
-    [(m, "posterior") for m in ("none", "als", "svt", "auto")] + [("none", "dtw"), ("als", "dtw")],
+    [(m, "posterior") for m in ("none", "als", "svt")] + [("none", "dtw"), ("als", "dtw")],
 )
 def test_every_cycle_method_with_either_warp(method: str, warp: str) -> None:
     rng = np.random.default_rng(26)
