@@ -29,6 +29,7 @@ from benchmarks.tables import ABSENT
 from imocap_core.body import keypoints_with_jacobian, load_free_body
 from imocap_core.library.running import run_action
 from imocap_core.params import FitParams, MotionParams, SyncParams
+from imocap_core.params.sync_params import CycleMethod
 from imocap_core.rotations import exp
 from imocap_core.sync.affinity import distance_matrix
 from imocap_core.sync.cycle import relax
@@ -179,7 +180,7 @@ def _soft_maps(frames: int, params: SyncParams) -> BlockMaps:
     return compared_pairs(distances, Clocks(fps, np.ones(VIDEOS)), params).soft_maps
 
 
-def _relaxed(method: str, maps: BlockMaps, params: SyncParams) -> object:
+def _relaxed(method: CycleMethod, maps: BlockMaps, params: SyncParams) -> object:
     return relax(method, maps, rounds=params.rounds, rng=np.random.default_rng(0))
 
 

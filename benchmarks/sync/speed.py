@@ -13,6 +13,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import SyncParams
+from imocap_core.params.sync_params import CycleMethod
 from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.sync.affinity import distance_matrix
 from imocap_core.sync.cycle import relax, symmetric_affinity
@@ -65,7 +66,7 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
     return rows
 
 
-def _relaxed(method: str, affinity: BlockMaps, rounds: int) -> str:
+def _relaxed(method: CycleMethod, affinity: BlockMaps, rounds: int) -> str:
     return relax(method, affinity, rounds=rounds, rng=np.random.default_rng(0))[1].status
 
 

@@ -113,7 +113,6 @@ def _watch(
     from imocap_core.library import watching
     from imocap_core.library.running import run_action
     from imocap_core.library.terminal import Terminal
-    from imocap_core.report.changes import compared
 
     console, plain = speaker(), speaker(markup=False)
     plain.print(f"Watching {folder}; Ctrl-C ends it.")
@@ -125,7 +124,7 @@ def _watch(
                 done = run_action(name, root=root, progress=display, **options)
             _print_summary(console, done, verbose)
             if (after := watching.last_result(root, name)) is not None:
-                plain.print(compared(before, after))
+                plain.print(watching.compared(before, after))
         except ImocapError as error:  # too few clips yet, or a bad one: others may come
             plain.print(str(error))
 
