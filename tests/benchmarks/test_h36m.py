@@ -169,6 +169,25 @@ def test_a_pickle_that_would_run_code_is_refused_and_runs_nothing(tmp_path: Path
     assert not made.exists()
 
 
+def test_what_is_no_object_array_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "x.npz"
+    with pytest.raises(ValueError, match="no such file"):
+        read_object(file, "a")
+    file.write_bytes(b"PK no zip")
+    with pytest.raises(ValueError, match="is not a readable npz file"):
+        read_object(file, "a")
+    np.savez(file, b=np.ones(3))
+    with pytest.raises(ValueError, match="expected an array of that name, the file has b"):
+        read_object(file, "a")
+    with pytest.raises(ValueError, match="expected one Python object"):
+        read_object(file, "b")
+    np.savez(file, a=np.array({"k": np.ones(1000)}, dtype=object))
+    whole = file.read_bytes()
+    file.write_bytes(whole[:200] + b"\0" * 60 + whole[260:])
+    with pytest.raises(ValueError, match=r"readable npz file|read safely"):
+        read_object(file, "a")
+
+
 K = intrinsics(1145.0, (1000, 1002)) + np.array([[0, 0, 12.0], [0, 0, 14.0], [0, 0, 0]])
 R = Rotation.from_euler("xyz", [100, 10, 40], degrees=True).as_matrix()
 T = -R @ np.array([2.0, -4.5, 1.5])
@@ -209,3 +228,11 @@ def test_pairs_without_a_camera_are_said() -> None:
     estimate = resect(world, np.random.default_rng(2).permutation(xy), np.random.default_rng(0))
     assert not estimate.ok
     assert "agree with one camera" in estimate.status
+
+
+def test_misuse_is_named() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match="at least 50 pairs, got 4"):
+        resect(np.zeros((4, 3)), np.zeros((4, 2)), rng)
+    with pytest.raises(ValueError, match=r"expected x_world \(N, 3\)"):
+        resect(np.zeros((60, 2)), np.zeros((60, 2)), rng)

@@ -17,8 +17,11 @@ from benchmarks.stability.perturbations import (
     OF_FILES,
     OF_PIXELS,
     Perturbation,
+    grey_level_picture,
     noisy_points,
     person_size_px,
+    recompressed_picture,
+    shifted_picture,
     shifted_points,
 )
 from benchmarks.stability.sources import ACTIONS, perturbations_of
@@ -108,6 +111,28 @@ def test_the_size_of_a_person_is_that_of_the_largest_without_missing_points() ->
     large = np.array([[10.0, 10, 1], [40, 20, 1], [10, 10, 0]])
     assert person_size_px([small, large]) == 30.0
     assert np.isnan(person_size_px([]))
+
+
+def test_grey_levels_move_by_one_and_stay_in_range() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    after = grey_level_picture(picture, np.random.default_rng(1)).astype(int)
+    difference = after - picture
+    assert set(np.unique(difference)) == {-1, 0, 1}  # 0 where black or white is at its end
+    np.testing.assert_array_equal(np.abs(difference)[(picture > 0) & (picture < 255)], 1)
+
+
+def test_a_shifted_picture_has_every_pixel_one_further() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    after = shifted_picture(picture, np.random.default_rng(1))
+    assert after.shape == picture.shape
+    np.testing.assert_array_equal(after[1:, 1:], picture[:-1, :-1])
+
+
+def test_jpeg_keeps_the_order_of_colours() -> None:
+    picture = np.zeros((16, 16, 3), np.uint8)
+    picture[..., 0] = 200
+    after = recompressed_picture(picture, np.random.default_rng(0)).astype(int)
+    assert np.abs(after - picture).max() <= 8
 
 
 def test_the_undisturbed_variant_is_the_action(action: Path) -> None:

@@ -16,10 +16,13 @@ from benchmarks.tcc import (
     align_by_tcc,
     cycle_back_regression,
     frame_clip,
+    person_crop,
     pose_clip,
     train,
 )
+from benchmarks.tcc.clips import person_squares
 from benchmarks.tcc.loss import LEAST_VARIANCE
+from benchmarks.tcc.training import window_offsets, windows_at
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.io.video import write_h264
 
@@ -176,6 +179,50 @@ def test_a_pose_clip_knows_neither_place_nor_size_and_nothing_of_what_is_missing
     assert np.isfinite(clip).all()
     np.testing.assert_array_equal(clip[[3, 4], [5, 7]], 0.0)
     np.testing.assert_allclose(clip[0, :2, :2].sum(axis=0), 0.0, atol=1e-5)
+
+
+def test_a_crop_holds_what_is_in_its_square() -> None:
+    picture = np.zeros((90, 160), np.uint8)
+    picture[30:50, 60:80] = 200
+    boxes = np.tile([60.0, 30.0, 80.0, 50.0], (3, 1))
+    boxes[1] = np.nan
+    squares = person_squares(boxes)
+    np.testing.assert_allclose(squares, np.tile([70, 40, 23], (3, 1)))
+    crop = person_crop(picture, squares[0], 23)
+    assert crop[11, 11] == 200
+    assert crop[0, 0] == 0
+    assert (crop > 100).sum() == pytest.approx(400, abs=45)
+    clip = frame_clip([crop, crop])
+    assert clip.shape == (2, 1, 23, 23)
+    assert abs(float(clip.mean())) < 1e-5
+
+
+def test_windows_repeat_the_ends_of_a_clip() -> None:
+    offsets = window_offsets(10.0, replace(POSES, taps=3, spacing_s=0.2))
+    assert offsets.tolist() == [-2, 0, 2]
+    windows = windows_at(torch.arange(6), torch.tensor([0, 3, 5]), offsets)
+    assert windows.tolist() == [[0, 0, 2], [1, 3, 5], [3, 5, 5]]
+
+
+@pytest.mark.parametrize(
+    ("shapes", "change", "message"),
+    [
+        ([(9, 6, 3)], {}, "two or more"),
+        ([(9, 6, 3), (9, 5, 3)], {}, "clip 1"),
+        ([(9, 6, 3), (9, 6, 3)], {"taps": 4}, "odd"),
+        ([(9, 1, 8, 6), (9, 1, 8, 6)], {}, "square picture"),
+    ],
+)
+def test_clips_that_do_not_fit_are_refused(
+    shapes: list[tuple[int, ...]], change: dict[str, int], message: str
+) -> None:
+    clips = [np.zeros(shape, np.float32) for shape in shapes]
+    with pytest.raises(ValueError, match=message):
+        train(clips, [FPS] * len(clips), replace(POSES, **change), seed=0)
+    with pytest.raises(ValueError, match="reference"):
+        align([np.zeros((4, 2))], [FPS], POSES, reference=1)
+    with pytest.raises(ValueError, match="root is missing in every frame"):
+        pose_clip(np.full((4, 3, 2), np.nan), np.ones((4, 3)), HIPS)
 
 
 SIZE = (96, 64)

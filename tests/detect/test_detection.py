@@ -138,48 +138,31 @@ def test_a_result_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     assert detections_file(store, videos[0], unused) in names
 
 
-def test_nobody_is_one_sentence_and_leaves_nothing(tmp_path: Path, detector_python: Path) -> None:
-    video = clip(tmp_path / "dark.mp4", [None, None])
-    detector = detector_of(params(), tmp_path)
-    with pytest.raises(
-        WorkFailed, match=r"dark\.mp4: mediapipe 0\.10\.21 found no person in 2 frames"
-    ):
+@pytest.mark.parametrize(
+    ("columns", "environment", "sentence"),
+    [
+        ([None, None], {}, r"a\.mp4: mediapipe 0\.10\.21 found no person in 2 frames"),
+        (COLUMNS, {"FAKE_DIES_AT": "2"}, "_pose in .* ended without an answer: the model"),
+        (COLUMNS, {"FAKE_DIES_AT": "2", "FAKE_HANGS": "1"}, "gave no answer for 6 s and was ended"),
+        (COLUMNS, {"PYTHONPATH": ""}, "failed: ModuleNotFoundError: No module named"),
+    ],
+    ids=["nobody", "dies", "hangs", "no library"],
+)
+def test_what_fails_is_one_sentence_and_leaves_nothing(
+    tmp_path: Path,
+    detector_python: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    columns: list[float | None],
+    environment: dict[str, str],
+    sentence: str,
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(detection, "ANSWER_S", 6.0)  # long enough for it to start
+    video, detector = clip(tmp_path / "a.mp4", columns), detector_of(params(), tmp_path)
+    with pytest.raises(WorkFailed, match=sentence):
         detect_video(video, tmp_path / "o" / "f.npz", detector, detector_python, lambda s, w: None)
     assert not (tmp_path / "o").exists()
-
-
-def test_a_worker_that_dies_is_one_sentence(
-    tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("FAKE_DIES_AT", "2")
-    video = clip(tmp_path / "bar.mp4", COLUMNS)
-    detector = detector_of(params(), tmp_path)
-    with pytest.raises(WorkFailed, match=r"_pose in .* ended without an answer: the model"):
-        detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
-    assert not (tmp_path / "f.npz").exists()
-
-
-def test_a_detector_that_hangs_is_ended(
-    tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("FAKE_DIES_AT", "2")
-    monkeypatch.setenv("FAKE_HANGS", "1")
-    monkeypatch.setattr(detection, "ANSWER_S", 6.0)  # long enough for it to start
-    video = clip(tmp_path / "bar.mp4", COLUMNS)
-    detector = detector_of(params(), tmp_path)
-    with pytest.raises(WorkFailed, match=r"gave no answer for 6 s and was ended"):
-        detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
-    assert not (tmp_path / "f.npz").exists()
-
-
-def test_a_python_without_the_library_is_one_sentence(
-    tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("PYTHONPATH")
-    video = clip(tmp_path / "bar.mp4", COLUMNS)
-    detector = detector_of(params(), tmp_path)
-    with pytest.raises(WorkFailed, match="failed: ModuleNotFoundError: No module named"):
-        detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
 
 
 def test_settings_reach_the_worker_as_they_are(tmp_path: Path) -> None:
@@ -238,10 +221,7 @@ def test_the_others_are_finished_where_one_fails(
 
 
 def test_detectors_that_hang_end_with_an_interrupted_run(
-    tmp_path: Path,
-    detector: Detector,
-    detector_python: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, detector: Detector, detector_python: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The interrupt reaches the main thread only, as Ctrl-C does."""
     monkeypatch.setattr(detection, "cores", lambda: 3)

@@ -7,7 +7,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.body import load_free_body
 from imocap_core.hands.hand_fit import cheapest_path
 from imocap_core.hands.hand_objective import (
     CommonHand,
@@ -18,23 +17,14 @@ from imocap_core.hands.hand_objective import (
     prior_cost,
     smooth_cost,
 )
-from imocap_core.hands.hand_skeleton import hand_skeleton
 from imocap_core.motion.normal import NormalEquations
-from imocap_core.params import HandsParams
 from imocap_core.rotations import exp
+from tests.hands.test_hand_fit import PARAMS, SKELETON
 
-SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))
-WEIGHTS = HandsParams(
-    robust_scale_sigma=4.0,
-    wrist_rad=0.7,
-    offset_m=0.03,
-    pose_prior=0.5,
-    limit_rad=0.05,
-    coupling_rad=0.15,
-    agreement_rad=0.5,
-    acceleration_rad_s2=30.0,
+WEIGHTS = replace(
+    PARAMS, wrist_rad=0.7, offset_m=0.03, pose_prior=0.5, acceleration_rad_s2=30.0,
     offset_acceleration_m_s2=3.0,
-)
+)  # fmt: skip
 B, T, V = 2, 4, 2
 FPS = torch.tensor([15.0, 10.0]).double()
 

@@ -11,7 +11,7 @@ import imocap
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.shared_action import must_be_inside, pack, unpack
 from imocap_core.pipeline.graph import VARIABLE
-from tests.pipeline.conftest import Toy, toy  # noqa: F401  (a fixture)
+from tests.pipeline.conftest import Toy
 
 OUTSIDE = ["../v1.txt", "a/../../b", "/etc/passwd", "..", "", "a\\..\\b", "c:/x", "a\nb", ".git/x"]
 
@@ -23,7 +23,7 @@ def store(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def elsewhere(toy: Toy, tmp_path: Path) -> Path:  # noqa: F811
+def elsewhere(toy: Toy, tmp_path: Path) -> Path:
     """Another working folder with the same pipeline."""
     root = tmp_path / "elsewhere"
     root.mkdir()
@@ -32,7 +32,7 @@ def elsewhere(toy: Toy, tmp_path: Path) -> Path:  # noqa: F811
     return root
 
 
-def with_folder(toy: Toy) -> None:  # noqa: F811
+def with_folder(toy: Toy) -> None:
     """The action names a folder, and a file of a name that people give."""
     (toy.action / "frames/a").mkdir(parents=True)
     (toy.action / "frames/a/0.json").write_text("{}")
@@ -47,11 +47,7 @@ def record(store: str) -> Path:
     return Path(store) / "actions/toy.json"
 
 
-def test_a_pushed_action_is_pulled_with_its_results(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-) -> None:
+def test_a_pushed_action_is_pulled_with_its_results(toy: Toy, store: str, elsewhere: Path) -> None:
     with_folder(toy)
     assert toy.imocap(["run", "toy"]) == 0
     pushed = imocap.push("toy", store=store, root=toy.root)
@@ -68,10 +64,7 @@ def test_a_pushed_action_is_pulled_with_its_results(
     assert imocap.push("toy", store=store, root=elsewhere).new_files == []
 
 
-def test_a_file_that_two_actions_use_is_stored_once(
-    toy: Toy,  # noqa: F811
-    store: str,
-) -> None:
+def test_a_file_that_two_actions_use_is_stored_once(toy: Toy, store: str) -> None:
     imocap.push("toy", store=store, root=toy.root)
     other = toy.root / "actions/other"
     shutil.copytree(toy.action, other)
@@ -81,9 +74,7 @@ def test_a_file_that_two_actions_use_is_stored_once(
 
 
 def test_what_was_pulled_follows_the_store_until_somebody_changes_it(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
+    toy: Toy, store: str, elsewhere: Path
 ) -> None:
     imocap.push("toy", store=store, root=toy.root)
     imocap.pull("toy", store=store, root=elsewhere)
@@ -111,7 +102,7 @@ videos:
 """
 
 
-def with_files_elsewhere(toy: Toy) -> None:  # noqa: F811
+def with_files_elsewhere(toy: Toy) -> None:
     """Both files of the action lie outside its folder, under one name."""
     for folder, number in (("films", "1.0"), ("other", "2.0")):
         (toy.root / folder).mkdir()
@@ -119,11 +110,7 @@ def with_files_elsewhere(toy: Toy) -> None:  # noqa: F811
     (toy.action / "action.yaml").write_text(OUTSIDE_YAML)
 
 
-def test_files_outside_the_folder_are_taken_along(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-) -> None:
+def test_files_outside_the_folder_are_taken_along(toy: Toy, store: str, elsewhere: Path) -> None:
     with_files_elsewhere(toy)
     assert toy.imocap(["run", "toy"]) == 0
     pushed = imocap.push("toy", store=store, root=toy.root)
@@ -144,10 +131,7 @@ def test_files_outside_the_folder_are_taken_along(
 
 @pytest.mark.long
 def test_a_pulled_action_runs_to_the_same_digests(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    toy: Toy, store: str, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with_files_elsewhere(toy)
     imocap.push("toy", store=store, root=toy.root)
@@ -158,10 +142,7 @@ def test_a_pulled_action_runs_to_the_same_digests(
     assert toy.digests() == Toy(elsewhere).digests() != {}
 
 
-def test_what_was_pushed_may_be_pulled_where_it_came_from(
-    toy: Toy,  # noqa: F811
-    store: str,
-) -> None:
+def test_what_was_pushed_may_be_pulled_where_it_came_from(toy: Toy, store: str) -> None:
     with_files_elsewhere(toy)
     imocap.push("toy", store=store, root=toy.root)
     assert not imocap.pull("toy", store=store, root=toy.root).new
@@ -180,10 +161,7 @@ def test_what_was_pushed_may_be_pulled_where_it_came_from(
     ],
 )
 def test_a_file_that_cannot_be_taken_along_is_named(
-    toy: Toy,  # noqa: F811
-    store: str,
-    name: str,
-    sentence: str,
+    toy: Toy, store: str, name: str, sentence: str
 ) -> None:
     (toy.root / "actions/a:b.txt").write_text("1")
     (toy.root / "actions/.hidden").mkdir()
@@ -194,11 +172,7 @@ def test_a_file_that_cannot_be_taken_along_is_named(
     assert not record(store).exists()
 
 
-def test_a_link_is_taken_along_as_what_it_leads_to(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-) -> None:
+def test_a_link_is_taken_along_as_what_it_leads_to(toy: Toy, store: str, elsewhere: Path) -> None:
     (toy.root / "real.txt").write_text("5")
     (toy.root / "actions/link.txt").symlink_to(toy.root / "real.txt")
     text = (toy.action / "action.yaml").read_text().replace("v1.txt", "../link.txt")
@@ -211,12 +185,7 @@ def test_a_link_is_taken_along_as_what_it_leads_to(
 
 
 @pytest.mark.parametrize("path", OUTSIDE)
-def test_a_record_leads_nowhere_else(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-    path: str,
-) -> None:
+def test_a_record_leads_nowhere_else(toy: Toy, store: str, elsewhere: Path, path: str) -> None:
     imocap.push("toy", store=store, root=toy.root)
     content = json.loads(record(store).read_text())
     content["files"][path] = content["files"]["v1.txt"]
@@ -239,11 +208,7 @@ def test_a_record_leads_nowhere_else(
     ],
 )
 def test_a_record_that_is_wrong_is_a_sentence_and_nothing_is_written(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-    change,
-    sentence: str,
+    toy: Toy, store: str, elsewhere: Path, change, sentence: str
 ) -> None:
     imocap.push("toy", store=store, root=toy.root)
     content = json.loads(record(store).read_text())
@@ -254,11 +219,7 @@ def test_a_record_that_is_wrong_is_a_sentence_and_nothing_is_written(
     assert not (elsewhere / "actions/toy").exists()
 
 
-def test_a_file_of_other_content_is_refused(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-) -> None:
+def test_a_file_of_other_content_is_refused(toy: Toy, store: str, elsewhere: Path) -> None:
     imocap.push("toy", store=store, root=toy.root)
     digest = json.loads(record(store).read_text())["files"]["v1.txt"]
     (Path(store) / "inputs" / digest).write_text("9")
@@ -270,10 +231,7 @@ def test_a_file_of_other_content_is_refused(
 
 
 def test_a_link_in_place_of_the_folder_is_not_followed(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-    tmp_path: Path,
+    toy: Toy, store: str, elsewhere: Path, tmp_path: Path
 ) -> None:
     imocap.push("toy", store=store, root=toy.root)
     (tmp_path / "private").mkdir()
@@ -284,7 +242,7 @@ def test_a_link_in_place_of_the_folder_is_not_followed(
     assert not list((tmp_path / "private").iterdir())
 
 
-def test_what_is_not_there_is_named(toy: Toy, store: str) -> None:  # noqa: F811
+def test_what_is_not_there_is_named(toy: Toy, store: str) -> None:
     with pytest.raises(WorkFailed, match="has no action dance"):
         imocap.pull("dance", store=store, root=toy.root)
     with pytest.raises(WrongUse, match="invalid action name"):
@@ -314,9 +272,7 @@ def test_ordinary_paths_are_inside(path: str) -> None:
 
 
 def test_a_pulled_memory_that_is_nested_without_end_is_as_none(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
+    toy: Toy, store: str, elsewhere: Path
 ) -> None:
     imocap.push("toy", store=store, root=toy.root)
     imocap.pull("toy", store=store, root=elsewhere)
@@ -327,11 +283,7 @@ def test_a_pulled_memory_that_is_nested_without_end_is_as_none(
         imocap.pull("toy", store=store, root=elsewhere)
 
 
-def test_a_playlist_is_no_video_of_an_action(
-    toy: Toy,  # noqa: F811
-    store: str,
-    elsewhere: Path,
-) -> None:
+def test_a_playlist_is_no_video_of_an_action(toy: Toy, store: str, elsewhere: Path) -> None:
     (toy.action / "v1.m3u8").write_text("#EXTM3U\n#EXTINF:1,\nfile:///etc/hostname\n")
     text = (toy.action / "action.yaml").read_text()
     (toy.action / "action.yaml").write_text(text.replace("id: v1,", "id: v1, video: v1.m3u8,"))

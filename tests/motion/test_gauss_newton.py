@@ -130,9 +130,7 @@ def well_posed() -> tuple[list[Term], MotionState]:
     return [*terms, *known], disturbed(made.state, 0.03)
 
 
-def test_all_solvers_reach_the_same_objective(
-    well_posed: tuple[list[Term], MotionState],
-) -> None:
+def test_all_solvers_reach_the_same_objective(well_posed: tuple[list[Term], MotionState]) -> None:
     """L-BFGS to 0.03 %, Adam, whose steps have a fixed length, to 0.5 %."""
     terms, start = well_posed
     newton = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-9)

@@ -175,9 +175,7 @@ def test_fewer_long_motions_are_worked_on_at_once() -> None:
     assert motions_at_once(10 * gauss_newton_module.MOST_HELD) == 1
 
 
-def test_frames_matched_in_blocks_have_the_same_candidates(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_frames_matched_in_blocks_have_the_same_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
     body, rng = Body.of(load_free_body(), "body25"), np.random.default_rng(0)
     library = make_library(body, load_pose_prior(), rng, poses=40, directions=12)
     xy = torch.as_tensor(rng.uniform(100, 300, (5, 25, 2)))

@@ -122,9 +122,7 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(twenty_frames: Made)
     assert 0.5 * spread_m < deviates[1] < spread_m
 
 
-def test_positions_of_limbs_are_coupled_however_the_body_is_turned(
-    twenty_frames: Made,
-) -> None:
+def test_positions_of_limbs_are_coupled_however_the_body_is_turned(twenty_frames: Made) -> None:
     state, trust = in_own_axes(twenty_frames), torch.ones(3, 20, dtype=torch.float64)
     trust[:, 15:] = 0.0
     names = twenty_frames.body.keypoints.names

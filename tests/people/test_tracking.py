@@ -254,24 +254,16 @@ def test_right_tracks_stay() -> None:
         np.testing.assert_array_equal(np.stack(before.poses), np.stack(after.poses))
 
 
-def test_who_comes_back_elsewhere_is_the_same_by_looks() -> None:
-    shown = [picture([(150 if t < 25 else 520, RED), (300, BLUE)], t) for t in FRAMES]
+@pytest.mark.parametrize(
+    ("clothes_of_other", "lengths"), [(BLUE, [40, 60]), (RED, [20, 60, 20])], ids=["other", "same"]
+)
+def test_who_comes_back_elsewhere_is_joined_by_looks_where_nobody_else_looks_so(
+    clothes_of_other: tuple[int, int, int], lengths: list[int]
+) -> None:
+    shown = [picture([(150 if t < 25 else 520, RED), (300, clothes_of_other)], t) for t in FRAMES]
     gone = PersonTrack(list(range(20)), [pose(150)] * 20)
     back = PersonTrack(list(range(40, 60)), [pose(520)] * 20)
-    other = PersonTrack(list(FRAMES), [pose(300)] * 60)
-    tracks, _ = join_by_appearance(
-        [gone, other, back], [appearances_of(t, shown) for t in (gone, other, back)]
-    )
-    assert [len(t.frames) for t in tracks] == [40, 60]
-    assert tracks[0].frames == [*range(20), *range(40, 60)]
-
-
-def test_two_in_the_same_clothes_are_not_joined_for_them() -> None:
-    shown = [picture([(150 if t < 25 else 520, RED), (300, RED)], t) for t in FRAMES]
-    gone = PersonTrack(list(range(20)), [pose(150)] * 20)
-    back = PersonTrack(list(range(40, 60)), [pose(520)] * 20)
-    other = PersonTrack(list(FRAMES), [pose(300)] * 60)
-    tracks, _ = join_by_appearance(
-        [gone, other, back], [appearances_of(t, shown) for t in (gone, other, back)]
-    )
-    assert len(tracks) == 3
+    both = [gone, PersonTrack(list(FRAMES), [pose(300)] * 60), back]
+    tracks, _ = join_by_appearance(both, [appearances_of(t, shown) for t in both])
+    assert [len(t.frames) for t in tracks] == lengths
+    assert tracks[0].frames == [*range(20), *(range(40, 60) if len(tracks) == 2 else ())]

@@ -209,9 +209,7 @@ def test_a_run_sweeps_what_a_killed_one_left(toy: Toy) -> None:
     assert list(folder.glob(".stage-*")) == []
 
 
-def test_a_report_that_was_being_replaced_is_put_back_with_what_people_put_there(
-    toy: Toy,
-) -> None:
+def test_a_report_that_was_being_replaced_is_put_back_with_what_people_put_there(toy: Toy) -> None:
     toy.imocap(["run", "toy"])
     folder = toy.root / "artifacts" / "toy"
     (folder / "report" / "notes.txt").write_text("mine")

@@ -131,9 +131,7 @@ def synchronised(phases: list[np.ndarray]) -> SyncResult:
     return synchronise(SyncEvidence(poses, [FPS] * 2, reference=0), params, rng)
 
 
-def test_maps_by_way_of_every_third_frame_are_those_of_all(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_maps_by_way_of_every_third_frame_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     phases = [np.linspace(1.0, 11.0, 300), np.linspace(0.0, 1.0, 280) ** 1.2 * 9.0 + 1.5]
     every = synchronised(phases)
     monkeypatch.setattr(affinity, "ALL_COMPARED", 300 * 280 // 9)
