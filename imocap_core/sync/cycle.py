@@ -318,8 +318,7 @@ def svt(
 def relax(
     method: CycleMethod, maps: BlockMaps, *, rounds: int, rng: np.random.Generator
 ) -> tuple[BlockMaps, CycleReport]:
-    """Denoise soft maps or affinities; with fewer than three videos there is no
-    cycle and they are returned as they are.
+    """Denoise soft maps or affinities; fewer than three videos have no cycle and stay as they are.
 
     `rounds` compositions of `softmap`; `rng` draws the starting factor of `als`.
     """

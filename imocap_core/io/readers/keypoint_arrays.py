@@ -96,8 +96,8 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     if "frames" in arrays:
         frames = numbers(arrays, "frames", (len(table),), path).astype(np.int64)
     if len(set(frames.tolist())) < len(frames) or (len(frames) and frames.min() < 0):
-        numbers_, times = np.unique(frames, return_counts=True)
-        wrong = numbers_[(times > 1) | (numbers_ < 0)].tolist()
+        distinct, times = np.unique(frames, return_counts=True)
+        wrong = distinct[(times > 1) | (distinct < 0)].tolist()
         raise ValueError(
             f"{path}: frames: expected different numbers from 0, got {short(wrong)}, negative or "
             "twice; number the frames from 0"
