@@ -187,9 +187,6 @@ def differences(
             frames = (round(float(video.frames[t])), round(float(videos[r].frames[t])))
             size, deg = float(apart[difference.angle][t]), float(error[difference.angle][t])
             text = f"{difference.sentence}, ± {deg:.0f}°"
-            sure.append(
-                SureDifference(
-                    text, video.id, difference.angle, difference.phase_s, frames, size, deg
-                )
-            )
+            where = (video.id, difference.angle, difference.phase_s, frames)
+            sure.append(SureDifference(text, *where, size, deg))
     return sure[:_SENTENCES]

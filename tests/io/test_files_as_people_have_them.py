@@ -265,12 +265,8 @@ FILMS: dict[str, tuple[Callable[[Path], Path], tuple[int, int], float]] = {
     "its start is at two seconds": (lambda d: write_video(d / "a.mkv", first_pts=50), (96, 64), 25),
     "it has sound": (lambda d: write_video(d / "a.mp4", audio="aac"), (96, 64), 25),
     "a cover comes first": (lambda d: with_cover(d / "a.mkv"), (96, 64), 25),
-    "Matroska under the name mp4": (
-        lambda d: write_video(d / "a.mkv").rename(d / "a.mp4"), (96, 64), 25
-    ),
-    "DV's pixels are not square": (
-        lambda d: write_video(d / "a.mov", aspect=Fraction(4, 3)), (128, 64), 25
-    ),
+    "Matroska, named mp4": (lambda d: write_video(d / "a.mkv").rename(d / "a.mp4"), (96, 64), 25),
+    "DV's pixels": (lambda d: write_video(d / "a.mov", aspect=Fraction(4, 3)), (128, 64), 25),
     "an odd size": (lambda d: write_video(d / "a.mkv", "ffv1", size=(97, 63)), (97, 63), 25),
 }  # fmt: skip
 

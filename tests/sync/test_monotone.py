@@ -8,7 +8,7 @@ import pytest
 from imocap_core.sync.maps import FRAMES, BandedMap, whole_band
 from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, monotone_posterior
 from imocap_core.sync.warp.rate import RatePrior, banded_rate_posterior, rate_prior
-from imocap_core.sync.warp.soft_maps import at_fine_positions
+from imocap_core.sync.warp.soft_maps import at_fine_positions, step_prior
 
 
 def posterior_naive(cost: np.ndarray, steps: StepPrior) -> np.ndarray:
@@ -51,6 +51,15 @@ def test_frames_outside_are_unmatched() -> None:
     assert (matched[:12] < 0.1).all()
     assert (matched[17:] > 0.9).all()
     np.testing.assert_allclose((maps @ moment_b)[18:], moment_a[18:], atol=1.0)
+
+
+def test_a_fast_camera_s_short_clip_is_matched_within_a_long_one() -> None:
+    """That the long one goes on with other content is no reason to match nothing."""
+    moment, position = np.arange(20, 100) / 2.0, np.arange(200.0)  # half a position a frame
+    cost = 0.25 * np.minimum((moment[:, None] - 10.0 - position) ** 2, 5.0)
+    maps, matched = monotone_posterior(cost, unmatched=0.65, steps=step_prior(0.5, 32.0))
+    assert matched.mean() > 0.9
+    np.testing.assert_allclose((maps @ position)[4:-4], moment[4:-4] - 10.0, atol=1.5)
 
 
 def test_time_reversal_reverses() -> None:

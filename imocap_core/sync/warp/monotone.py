@@ -1,13 +1,12 @@
 """Posterior over all monotone warps: the position of each frame of a video in another one.
 
-What the two forward-backward passes share: bounded likelihoods, normalised posteriors. DTW gives
-the one cheapest path. With estimates as noisy as monocular ones the cheapest path follows the
-noise; the mean over all paths, each weighted by its likelihood, does not. That mean is a
-forward-backward pass over a hidden Markov chain whose states are positions in the other video and
-whose steps are never negative and geometrically distributed about the usual rate. Between two clear
-matches every way to divide the positions is then equally likely, so during a hold (a still pose)
-the expected positions are evenly spaced; before the first and after the last clear match the warp
-goes on at the usual rate. The spread of a frame's distribution shows how certain its match is.
+DTW gives the one cheapest path. With estimates as noisy as monocular ones it follows the noise; the
+mean over all paths, each weighted by its likelihood, does not. That mean is a forward-backward pass
+over a hidden Markov chain whose states are positions in the other video and whose steps are never
+negative and geometrically distributed about the usual rate. Between two clear matches every way to
+divide the positions is then equally likely, so during a hold (a still pose) the expected positions
+are evenly spaced; before the first and after the last clear match the warp goes on at the usual
+rate. The spread of a frame's distribution shows how certain its match is.
 """
 
 from __future__ import annotations
@@ -101,6 +100,10 @@ class StepPrior:
             np.maximum(weighted, 0.0, out=weighted)
         return weighted
 
+    def mean(self, filling: float) -> float:
+        """Mean step by the decaying weights; `filling` where they do not decay."""
+        return self.decay / (1.0 - self.decay) if self.decay < 1.0 else filling
+
     def _decaying_sum(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states at or before each, weighted by decay^distance."""
         if self.decay == 1.0:
@@ -144,7 +147,7 @@ def banded_posterior(
 ) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
     """`monotone_posterior` over the warps within a band, which every frame must have."""
     N, _ = cost.shape
-    inside, outside = _joint_weights(_Likelihoods.of(cost, unmatched), steps)
+    inside, outside = _joint_weights(_Likelihoods.of(cost, unmatched, steps), steps)
     matched, values = np.empty(N), []
     for (rows, _), joint in zip(cost.bands, inside, strict=True):
         posterior, matched[rows] = normalised(joint, outside[rows])
@@ -167,17 +170,18 @@ class _Likelihoods:
     S: int
 
     @classmethod
-    def of(cls, cost: BandedMap, unmatched: float | np.ndarray) -> _Likelihoods:
+    def of(cls, cost: BandedMap, unmatched: float | np.ndarray, steps: StepPrior) -> _Likelihoods:
         N, S = cost.shape
         # A match chooses among positions and "unmatched" doesn't: charge the match the prior of
-        # one step of a walk that fills S positions in N frames.
-        charge, skip, match = np.log1p(S / N), np.empty(N), []
+        # one step of a walk at the usual rate, or of one that fills the other video where that is
+        # slower. A longer video shows other content too: filling it would charge too much.
+        slower, faster = sorted((steps.mean(S / N), S / N))
+        charge, skip, match = np.log1p(slower), np.empty(N), []
         for_each = np.broadcast_to(unmatched, N)
         for rows, _, values in cost:
             likelihood, skip[rows], _ = bounded_likelihoods(values + charge, for_each[rows])
             match.append(likelihood)
-        edge = max(1, int(np.ceil(2.0 * S / N)))
-        return cls(cost.bands, match, skip.tolist(), edge, S)
+        return cls(cost.bands, match, skip.tolist(), max(1, int(np.ceil(2.0 * faster))), S)
 
     def first(self, here: slice) -> slice:
         """Where a warp may begin, of these positions."""
