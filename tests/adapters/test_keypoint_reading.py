@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.adapters.keypoint_reading import Reading, between_people, reading_of
+from imocap_core.adapters.keypoint_reading import Reading, reading_of
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices
-from imocap_core.io.readers.people import DetectedPeople
+from imocap_core.io.readers.people import DetectedPeople, between_people
 from imocap_core.io.video import probe
 from tests.io.made_film import COUNT, WIDTH, film, joints
 
