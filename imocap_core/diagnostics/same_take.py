@@ -79,7 +79,7 @@ def _part_of(
     """Whether the first video's moving frames are all in the second, as it is or mirrored."""
     usable = [np.isfinite(x).all(-1).mean(0) > 0.8 for x in (first_px, second_px)]
     for mirrored in (False, True):
-        a = _reflected(first_px, twins) if mirrored else first_px
+        a = first_px[:, list(twins)] * np.array([-1.0, 1.0]) if mirrored else first_px
         visible = (usable[0][list(twins)] if mirrored else usable[0]) & usable[1]
         if visible.sum() < LEAST_JOINTS:
             continue
@@ -87,10 +87,6 @@ def _part_of(
         if match is not None:
             return match
     return None
-
-
-def _reflected(xy_px: Float[np.ndarray, "T K 2"], twins: Sequence[int]) -> np.ndarray:
-    return xy_px[:, list(twins)] * np.array([-1.0, 1.0])
 
 
 def _repeated(

@@ -108,11 +108,8 @@ def doubted_azimuths(claimed: Uncertainty, sync: SyncSummary) -> list[float] | N
 
 
 def _taken(viewpoint: Viewpoint, azimuths: Sequence[float]) -> bool:
-    return any(_apart_deg(viewpoint.azimuth_deg, a) < NEAR_DEG for a in azimuths)
-
-
-def _apart_deg(a: float, b: float) -> float:
-    return abs((a - b + 180) % 360 - 180)
+    apart_deg = (abs((viewpoint.azimuth_deg - a + 180) % 360 - 180) for a in azimuths)
+    return any(apart < NEAR_DEG for apart in apart_deg)
 
 
 def _error_reduction(variance_share: float) -> float:

@@ -192,7 +192,7 @@ class SolverMotion:
 
     def cost(self, each: Each = in_turn) -> float:
         """Its objective; ``each`` runs the terms."""
-        costs = each(partial(_cost_of, state=self.state), self.terms)
+        costs = each(lambda term: term.cost(self.state), self.terms)
         return float(torch.stack(costs).sum())
 
 
@@ -225,7 +225,8 @@ def gauss_newton(
     count, longest = state.valid.shape
     at_once = min(count, cores(), motions_at_once(longest))
     workers = 1 if state.trans.is_cuda else min(cores(), max(at_once, HALVES))
-    rows = _rows_of_bodies((bodies or [0] * count) if shared_globals else range(count))
+    of_motion = (bodies or [0] * count) if shared_globals else range(count)
+    rows = [[v for v, b in enumerate(of_motion) if b == body] for body in dict.fromkeys(of_motion)]
     with ThreadPoolExecutor(workers) as pool:
         apart = not shared_globals and at_once > 1
         threads = on(pool) if workers > 1 else in_turn
@@ -260,11 +261,6 @@ def gauss_newton(
 def motions_at_once(frames: int) -> int:
     """Motions of so many frames whose normal equations may be in memory at the same time."""
     return max(1, MOST_HELD // max(frames, 1))
-
-
-def _rows_of_bodies(bodies: Sequence[int]) -> list[list[int]]:
-    """The motions of each body."""
-    return [[v for v, b in enumerate(bodies) if b == body] for body in dict.fromkeys(bodies)]
 
 
 def split_batch(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
@@ -383,10 +379,6 @@ class _OneBody:
     ) -> list[SolverMotion]:
         """All motions are accepted or rejected together."""
         return trial if better[0] else state
-
-
-def _cost_of(term: Term, state: MotionState) -> Tensor:
-    return term.cost(state)
 
 
 def _with_held_shape(normal: NormalEquations, state: MotionState) -> NormalEquations:

@@ -1,17 +1,11 @@
 """The normal equations of a batch of motions: block-banded in time, and their solution.
 
-Block Cholesky solution of a block-pentadiagonal system, from both ends at once. Frames couple to
-their two successors at most. Eliminating them from the first and from the last towards two frames
-in the middle takes as many operations as from one end, but the two halves can be worked on at the
-same time; at the middle they meet in one small dense system.
-
-Nearly all memory is in the factors, as large as the system. A large system can be factored in
-place: it is lost, and nothing is held twice.
-
-Per frame the unknowns are ``n`` local increments; frames couple to at most their two successors
-(velocity: one, acceleration: two), so the matrix is block-pentadiagonal, and a block Cholesky
-factorisation solves it in time linear in the number of frames. The few unknowns that all frames
-share (body shape, cameras) form a border ("arrow"), eliminated by their Schur complement.
+A frame's unknowns are ``n`` local increments. Frames couple to their two successors at most
+(velocity: one, acceleration: two), so a block Cholesky factorisation takes time linear in the
+frames. From both ends towards two frames in the middle it takes as many operations as from one end,
+but the halves can be worked on at the same time. The few unknowns that all frames share (body
+shape, cameras) form a border ("arrow"), eliminated by their Schur complement. Nearly all memory is
+in the factors: a large system can be factored in place, and nothing is held twice.
 """
 
 from __future__ import annotations

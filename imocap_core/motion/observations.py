@@ -111,18 +111,27 @@ def person_size_px(observation: Observation) -> Float[np.ndarray, " T"]:
     quantile over a second approximates the person's size when limbs fold; gaps take the median.
     """
     xy = np.where((observation.confidence > 0)[..., None], observation.xy_px, np.nan)
-    visible = np.isfinite(xy).all(-1).sum(1) >= 4
-    size = np.full(len(xy), np.nan)
-    if visible.any():
-        low, high = np.nanpercentile(xy[visible], [4, 96], axis=1)
-        size[visible] = (high - low).max(-1)
+    visible, size = np.isfinite(xy).all(-1).sum(1) >= 4, np.full(len(xy), np.nan)
     if not visible.any():
         return np.full(len(xy), 100.0)
+    low, high = (_nan_quantile(xy[visible], q) for q in (0.04, 0.96))
+    size[visible] = (high - low).max(-1)
     size = np.where(np.isfinite(size), size, np.nanmedian(size))
     half = max(1, round(observation.fps / 2))
     padded = np.pad(size, half, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
     return np.quantile(windows, 0.8, axis=1)
+
+
+def _nan_quantile(values: Float[np.ndarray, "T K C"], q: float) -> Float[np.ndarray, "T C"]:
+    """Over the second axis, like numpy's nanquantile, which takes row by row in Python."""
+    ordered = np.sort(values, axis=1)  # NaN comes last
+    place = q * (np.isfinite(ordered).sum(axis=1, keepdims=True) - 1)
+    below, above = (
+        np.take_along_axis(ordered, np.asarray(end, int), axis=1)
+        for end in (np.floor(place), np.ceil(place))
+    )
+    return np.asarray((below + (above - below) * (place % 1))[:, 0])
 
 
 def without_jumps(observation: Observation) -> Float[np.ndarray, "T K"]:

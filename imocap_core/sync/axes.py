@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from imocap_core.params import SyncParams
 from imocap_core.robust import geman_mcclure_weight
@@ -301,14 +301,8 @@ def inverted(
     if not len(frames):
         return np.full(len(targets), np.nan)
     values, place = np.unique(np.maximum.accumulate(positions[frames]), return_inverse=True)
-    middle = _means_of_groups(frames.astype(float), place, len(values))
+    middle = np.bincount(place, frames) / np.bincount(place)
     return np.interp(targets, values, middle, left=np.nan, right=np.nan)
-
-
-def _means_of_groups(
-    values: Float[np.ndarray, " N"], group: Int[np.ndarray, " N"], count: int
-) -> Float[np.ndarray, " G"]:
-    return np.bincount(group, values, count) / np.bincount(group, minlength=count)
 
 
 def _mean(rows: Float[np.ndarray, "A T"], reach_frames: float) -> Float[np.ndarray, " T"]:

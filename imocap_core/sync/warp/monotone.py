@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from imocap_core.sync.maps import Band, BandedMap, whole_band
 
@@ -108,14 +108,29 @@ class StepPrior:
         """Sum (S,) over all states at or before each, weighted by decay^distance."""
         if self.decay == 1.0:
             return np.add.accumulate(state)
-        return np.asarray(lfilter(ONE, np.array([1.0, -self.decay]), state))
+        powers, inverses = self._powers
+        total = state[: len(powers)] * inverses[: len(state)]
+        np.add.accumulate(total, out=total)
+        total *= powers[: len(state)]
+        if len(total) == len(state):
+            return total
+        rest = self._decaying_sum(state[len(powers) :])
+        rest[: len(powers)] += total[-1] * self.decay * powers[: len(rest)]
+        return np.concatenate([total, rest])
+
+    @cached_property
+    def _powers(self) -> tuple[np.ndarray, np.ndarray]:
+        """decay^0, decay^1, ..., as many as are far from underflow, and one by each."""
+        most = 1 + int(np.log(1e-200) / np.log(self.decay))
+        powers = self.decay ** np.arange(min(most, MOST_POWERS))
+        return powers, 1.0 / powers
 
     def led_to(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states that each leads to, weighted by the step."""
         return self.advanced(state[::-1])[::-1]
 
 
-ONE = np.ones(1)
+MOST_POWERS = 50_000
 ANY_STEP = StepPrior(2**31, 2**31, 1.0)
 
 
