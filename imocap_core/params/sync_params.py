@@ -58,7 +58,7 @@ class SyncParams:
         "Share of warps with a slowly changing rate among the averaged ones, in the pairwise maps.",
     )
     rate_spread: Positive = param(
-        0.35,
+        0.7,
         "Standard deviation of the logarithm of a video's rate (seconds of the reference per "
         "second of the video).",
     )
