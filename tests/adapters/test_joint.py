@@ -28,6 +28,8 @@ from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import FitParams, MotionParams, Params
 from tests.report.made import K, Made
 
+FEW_STEPS = MotionParams(rounds=1, max_steps=2)  # the laws here hold wherever a solve stops
+
 
 def problem(made: Made, **decided: list[str] | SyncTrust) -> JointProblem:
     """Frame to frame correspondences, NaN after the reference's end."""
@@ -41,7 +43,7 @@ def problem(made: Made, **decided: list[str] | SyncTrust) -> JointProblem:
     ]
     sync = made.sync.model_copy(update={"maps": maps, **decided})
     given = (made.keypoints, made.camera_motion, made.initial, sync)
-    return problem_of(*given, FitParams(), MotionParams())
+    return problem_of(*given, FitParams(), FEW_STEPS)
 
 
 def trusted(made: Made, confidence: float | None) -> SyncTrust:
@@ -154,7 +156,7 @@ def test_videos_that_hardly_differ_show_one_motion(
     made: Made, spread_m: float, *, is_one: bool
 ) -> None:
     given = problem(made)
-    before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
+    before = solved(given)
     alike = DeviationSpread(
         np.full_like(before.spread.keypoints_m, spread_m), np.full((3, 6), spread_m)
     )
@@ -167,7 +169,7 @@ def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
     made: Made, monkeypatch: pytest.MonkeyPatch, left: float, *, counts: bool
 ) -> None:
     given = problem(made)
-    before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
+    before = solved(given)
     again = replace(before, status="again")
     monkeypatch.setattr("imocap_core.adapters.joint.recover_motion", lambda *_, **__: again)
     answers = iter([left, -2.0])
