@@ -85,9 +85,15 @@ def made() -> Made:
 
 
 @pytest.fixture(scope="module")
-def straight(made: Made) -> SmplBa:
+def plain(made: Made) -> tuple[JointProblem, JointMotion]:
     of = problem(made)
-    return of.result(solved(of))
+    return of, solved(of)
+
+
+@pytest.fixture(scope="module")
+def straight(plain: tuple[JointProblem, JointMotion]) -> SmplBa:
+    of, motion = plain
+    return of.result(motion)
 
 
 def test_a_mirrored_video_is_recovered_as_unmirrored(made: Made, straight: SmplBa) -> None:
@@ -125,11 +131,13 @@ def test_a_stored_result_comes_back_as_it_was_solved(made: Made) -> None:
         np.testing.assert_allclose(joints, video.joints, atol=1e-12)
 
 
-def test_the_sides_that_a_solve_put_right_are_stored_and_kept(made: Made) -> None:
-    of = problem(made)
+def test_the_sides_that_a_solve_put_right_are_stored_and_kept(
+    plain: tuple[JointProblem, JointMotion],
+) -> None:
+    of, motion = plain
     swapped = [np.zeros(len(o.xy_px), int) for o in of.scene.observations]
     swapped[1][3:7] = LEGS
-    motion = replace(solved(of), swapped=tuple(swapped))
+    motion = replace(motion, swapped=tuple(swapped))
     back = of.solution(of.result(motion))
     np.testing.assert_array_equal(back.swapped, swapped)
     for states, after in zip(swapped, of.scene_of(back).observations, strict=True):
@@ -153,10 +161,9 @@ def test_a_single_video_has_no_common_motion() -> None:
 
 @pytest.mark.parametrize(("spread_m", "is_one"), [(0.004, True), (0.03, False)])
 def test_videos_that_hardly_differ_show_one_motion(
-    made: Made, spread_m: float, *, is_one: bool
+    plain: tuple[JointProblem, JointMotion], spread_m: float, *, is_one: bool
 ) -> None:
-    given = problem(made)
-    before = solved(given)
+    _, before = plain
     alike = DeviationSpread(
         np.full_like(before.spread.keypoints_m, spread_m), np.full((3, 6), spread_m)
     )
@@ -166,10 +173,14 @@ def test_videos_that_hardly_differ_show_one_motion(
 
 @pytest.mark.parametrize(("left", "counts"), [(-2.01, True), (-1.9995, True), (-1.998, False)])
 def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
-    made: Made, monkeypatch: pytest.MonkeyPatch, left: float, *, counts: bool
+    made: Made,
+    plain: tuple[JointProblem, JointMotion],
+    monkeypatch: pytest.MonkeyPatch,
+    left: float,
+    *,
+    counts: bool,
 ) -> None:
-    given = problem(made)
-    before = solved(given)
+    given, before = plain
     again = replace(before, status="again")
     monkeypatch.setattr("imocap_core.adapters.joint.recover_motion", lambda *_, **__: again)
     answers = iter([left, -2.0])
