@@ -28,7 +28,6 @@ QUICK = {
     "initial_smpl.library_directions": 12,
     "initial_smpl.starts": 1,
     "initial_smpl.max_steps": 2,
-    "sync.consensus_rounds": 1,
     "motion.rounds": 1,
     "motion.max_steps": 2,
     "refine.max_rounds": 1,
@@ -60,7 +59,7 @@ class SmallAction:
     @classmethod
     def make(cls, root: Path) -> SmallAction:
         """Write the action, and run it."""
-        made = Made(count=2, frames=16)
+        made = Made(count=2, frames=24)
         columns = list(made.model.points("body25").columns)
         folder = root / "actions" / NAME
         videos = []
