@@ -57,6 +57,7 @@ LONG = (
     "sync/test_screening.py",
     "sync/test_rate.py",
     "sync/test_anchors.py",
+    "stages/test_walking_camera.py",
     "chaos",
     "collect/test_listing.py",
     "cli/test_sync_command.py",

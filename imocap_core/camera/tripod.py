@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -65,6 +65,13 @@ class PairPoints:
             float(np.linalg.norm(middle)),
         )
 
+    def straightened(self, distortion: float) -> tuple[PairPoints, Lens | None]:
+        """The same without the distortion of b's picture, and the lens; None for a pinhole."""
+        if not distortion:
+            return self, None
+        lens = Lens.of([distortion], np.diag([self.corner_px, self.corner_px, 1.0]))
+        return replace(self, xy_b=lens.undistorted(self.xy_b)), lens
+
 
 @dataclass(frozen=True)
 class TripodCamera:
@@ -91,10 +98,9 @@ class TripodCamera:
     def errors_px(self, points: PairPoints) -> Float[np.ndarray, "P 2"]:
         """Where a's picture should show the points of b, less where it does."""
         log_focal = self.log_focal + self.log_zoom
-        return transfer_errors_px(
-            points, self.distortion, log_focal[points.a], log_focal[points.b],
-            self.R[points.a], self.R[points.b],
-        )  # fmt: skip
+        focal = log_focal[points.a], log_focal[points.b]
+        straight = points.straightened(self.distortion)
+        return transfer_errors_px(*straight, *focal, self.R[points.a], self.R[points.b])
 
     def retracted(self, change: Float[np.ndarray, " n"]) -> TripodCamera:
         """After increments [focal, distortion, zooms, rotations ``R <- R exp(change)``]."""
@@ -110,24 +116,22 @@ class TripodCamera:
 
 def transfer_errors_px(
     points: PairPoints,
-    distortion: float,
+    lens: Lens | None,
     log_focal_a: Float[np.ndarray, " P"],
     log_focal_b: Float[np.ndarray, " P"],
     R_a: Float[np.ndarray, "P 3 3"],
     R_b: Float[np.ndarray, "P 3 3"],
 ) -> Float[np.ndarray, "P 2"]:
-    """Errors of `TripodCamera.errors_px`, with each point's own two cameras.
+    """Errors of `TripodCamera.errors_px`, with each straightened point's own two cameras.
 
     In the picture as it is: errors of undistorted points would be smallest for the lens that
     shrinks the picture.
     """
-    lens = Lens.of([distortion], np.diag([points.corner_px, points.corner_px, 1.0]))
-    straight_b = lens.undistorted(points.xy_b) if distortion else points.xy_b
     focal_a, focal_b = np.exp(log_focal_a)[:, None], np.exp(log_focal_b)[:, None]
-    ray = np.concatenate([straight_b / focal_b, np.ones_like(focal_b)], axis=1)
+    ray = np.concatenate([points.xy_b / focal_b, np.ones_like(focal_b)], axis=1)
     ray = np.einsum("pji,pj->pi", R_a, np.einsum("pij,pj->pi", R_b, ray))
     shown = focal_a * ray[:, :2] / np.maximum(ray[:, 2:], 1e-3)
-    if distortion:
+    if lens is not None:
         shown = lens.distorted(shown)
     return np.asarray(np.clip(shown - points.xy_a, -FAR_PX, FAR_PX))
 
@@ -151,11 +155,6 @@ def chained_tripod(
         )
         R.append(R[-1] @ _rotation(ray_a, ray_b))
     return TripodCamera(float(np.log(focal_px)), 0.0, np.array(log_zoom), np.stack(R))
-
-
-def without_zoom(camera: TripodCamera) -> TripodCamera:
-    """The same camera with one focal length."""
-    return replace(camera, log_zoom=np.zeros_like(camera.log_zoom))
 
 
 def _rotation(
@@ -227,7 +226,7 @@ def fit_tripod(
     problem = _problem(pairs, keys, size, focal_px, straight)
     chained = chained_tripod(pairs, keys, size, assumed)
     fits = []
-    for camera in (chained, without_zoom(chained)):
+    for camera in (chained, replace(chained, log_zoom=np.zeros(keys))):
         for scale in SCALES_PX:
             camera = _minimised(problem, camera, scale)
         fits.append(camera)
@@ -321,14 +320,15 @@ def _jacobian(
     log_focal = camera.log_focal + camera.log_zoom
     now = (log_focal[points.a], log_focal[points.b], camera.R[points.a], camera.R[points.b])
 
-    def change(more: float = 0.0, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
+    straight, bent = (points.straightened(camera.distortion + d) for d in (0.0, DIFFERENCE))
+
+    def change(of: Any = straight, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
         values = dict(zip(("focal_a", "focal_b", "R_a", "R_b"), now, strict=True)) | moved
-        moved_px = transfer_errors_px(points, camera.distortion + more, *values.values())
-        return (moved_px - error) / DIFFERENCE
+        return (transfer_errors_px(*of, *values.values()) - error) / DIFFERENCE
 
     J = np.zeros((len(error), 2, 2 + 4 * keys))
     by_a, by_b = change(focal_a=now[0] + DIFFERENCE), change(focal_b=now[1] + DIFFERENCE)
-    J[..., 0], J[..., 1] = by_a + by_b, change(DIFFERENCE)
+    J[..., 0], J[..., 1] = by_a + by_b, change(bent)
     J[rows, :, 2 + points.a] += by_a
     J[rows, :, 2 + points.b] += by_b
     for axis in range(3):

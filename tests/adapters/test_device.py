@@ -32,6 +32,7 @@ QUICK = replace(
     initial_smpl=replace(
         PARAMS.initial_smpl, lifter="auto", library_poses=4, library_directions=4, max_steps=1
     ),
+    sync=replace(PARAMS.sync, consensus_rounds=1),
     motion=replace(PARAMS.motion, rounds=1, max_steps=1),
     refine=replace(PARAMS.refine, max_rounds=1),
     hands=replace(PARAMS.hands, max_steps=1),
@@ -72,7 +73,9 @@ def result(stage: Any, given: Given, device: str) -> Artifact:
     return done
 
 
-@pytest.mark.parametrize("stage", [refine_sync, uncertainty, hands])
+@pytest.mark.parametrize(
+    "stage", [pytest.param(refine_sync, marks=pytest.mark.long), uncertainty, hands]
+)
 def test_a_stage_computes_on_its_device(stage: Any, given: Given, unchecked_shapes: None) -> None:
     here = result(stage, given, "cpu")
     before = Pretended.calls
@@ -82,6 +85,7 @@ def test_a_stage_computes_on_its_device(stage: Any, given: Given, unchecked_shap
     assert pack(there).digest == pack(here).digest
 
 
+@pytest.mark.long
 def test_a_single_video_is_lifted_and_fitted_on_the_device_of_its_prior(
     made: Made, unchecked_shapes: None
 ) -> None:

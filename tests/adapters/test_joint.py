@@ -28,6 +28,8 @@ from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import FitParams, MotionParams, Params
 from tests.report.made import K, Made
 
+FEW_STEPS = MotionParams(rounds=1, max_steps=2)  # the laws here hold wherever a solve stops
+
 
 def problem(made: Made, **decided: list[str] | SyncTrust) -> JointProblem:
     """Frame to frame correspondences, NaN after the reference's end."""
@@ -41,7 +43,7 @@ def problem(made: Made, **decided: list[str] | SyncTrust) -> JointProblem:
     ]
     sync = made.sync.model_copy(update={"maps": maps, **decided})
     given = (made.keypoints, made.camera_motion, made.initial, sync)
-    return problem_of(*given, FitParams(), MotionParams())
+    return problem_of(*given, FitParams(), FEW_STEPS)
 
 
 def trusted(made: Made, confidence: float | None) -> SyncTrust:
@@ -83,9 +85,15 @@ def made() -> Made:
 
 
 @pytest.fixture(scope="module")
-def straight(made: Made) -> SmplBa:
+def plain(made: Made) -> tuple[JointProblem, JointMotion]:
     of = problem(made)
-    return of.result(solved(of))
+    return of, solved(of)
+
+
+@pytest.fixture(scope="module")
+def straight(plain: tuple[JointProblem, JointMotion]) -> SmplBa:
+    of, motion = plain
+    return of.result(motion)
 
 
 def test_a_mirrored_video_is_recovered_as_unmirrored(made: Made, straight: SmplBa) -> None:
@@ -123,11 +131,13 @@ def test_a_stored_result_comes_back_as_it_was_solved(made: Made) -> None:
         np.testing.assert_allclose(joints, video.joints, atol=1e-12)
 
 
-def test_the_sides_that_a_solve_put_right_are_stored_and_kept(made: Made) -> None:
-    of = problem(made)
+def test_the_sides_that_a_solve_put_right_are_stored_and_kept(
+    plain: tuple[JointProblem, JointMotion],
+) -> None:
+    of, motion = plain
     swapped = [np.zeros(len(o.xy_px), int) for o in of.scene.observations]
     swapped[1][3:7] = LEGS
-    motion = replace(solved(of), swapped=tuple(swapped))
+    motion = replace(motion, swapped=tuple(swapped))
     back = of.solution(of.result(motion))
     np.testing.assert_array_equal(back.swapped, swapped)
     for states, after in zip(swapped, of.scene_of(back).observations, strict=True):
@@ -151,10 +161,9 @@ def test_a_single_video_has_no_common_motion() -> None:
 
 @pytest.mark.parametrize(("spread_m", "is_one"), [(0.004, True), (0.03, False)])
 def test_videos_that_hardly_differ_show_one_motion(
-    made: Made, spread_m: float, *, is_one: bool
+    plain: tuple[JointProblem, JointMotion], spread_m: float, *, is_one: bool
 ) -> None:
-    given = problem(made)
-    before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
+    _, before = plain
     alike = DeviationSpread(
         np.full_like(before.spread.keypoints_m, spread_m), np.full((3, 6), spread_m)
     )
@@ -164,10 +173,14 @@ def test_videos_that_hardly_differ_show_one_motion(
 
 @pytest.mark.parametrize(("left", "counts"), [(-2.01, True), (-1.9995, True), (-1.998, False)])
 def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
-    made: Made, monkeypatch: pytest.MonkeyPatch, left: float, *, counts: bool
+    made: Made,
+    plain: tuple[JointProblem, JointMotion],
+    monkeypatch: pytest.MonkeyPatch,
+    left: float,
+    *,
+    counts: bool,
 ) -> None:
-    given = problem(made)
-    before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
+    given, before = plain
     again = replace(before, status="again")
     monkeypatch.setattr("imocap_core.adapters.joint.recover_motion", lambda *_, **__: again)
     answers = iter([left, -2.0])

@@ -32,7 +32,7 @@ from imocap_core.motion.multiview.alternation import LoopRound
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.state import mirrored_joints
 from imocap_core.params import Params, SyncParams
-from imocap_core.params.motion_params import RefineParams
+from imocap_core.params.motion_params import MotionParams, RefineParams
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.sync import Hints
 from imocap_core.sync import screened as screening_of
@@ -42,6 +42,11 @@ from tests.made_sync import stored_matrix
 from tests.report.made import K, Made
 
 FRAMES = 50
+QUICK = Params(
+    sync=SyncParams(consensus_rounds=1),
+    motion=MotionParams(rounds=1, max_steps=3),
+    refine=RefineParams(max_rounds=1),
+)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +74,7 @@ def choose(monkeypatch: pytest.MonkeyPatch) -> Any:
 def loop_sync_of(made: Made) -> LoopSync:
     """Without hints; all videos at normal speed."""
     return LoopSync(
-        made.keypoints, made.camera_motion, made.initial, Params().sync, Hints(), np.ones(3),
+        made.keypoints, made.camera_motion, made.initial, QUICK.sync, Hints(), np.ones(3),
         by_pictures=True, event=False, sound_start_s=None, declared=[None] * 3,
         rng=lambda: np.random.default_rng(0),
     )  # fmt: skip
@@ -142,25 +147,18 @@ def context(folder: Path) -> Context:
     return cast(Context, made_up)
 
 
+def inputs_of(made: Made, first: Sync) -> Inputs:
+    given = (made.keypoints, made.camera_motion, made.initial, first, made.single, made.again)
+    return Inputs("refine_sync", {}, {type(x): x for x in given})
+
+
 @pytest.mark.long
 def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
     made: Made, choose: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     choose(2)
     monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
-    inputs = Inputs(
-        "refine_sync",
-        {},
-        {
-            type(x): x
-            for x in (
-                *(made.keypoints, made.camera_motion, made.initial, made.sync, made.single),
-                made.again,
-            )
-        },
-    )
-    params = Params(refine=RefineParams(max_rounds=1))
-    result = refine_sync.run(context(tmp_path), inputs, params)
+    result = refine_sync.run(context(tmp_path), inputs_of(made, made.sync), QUICK)
     assert (result.rounds[0].sync.reference, result.rounds[0].motion.reference) == ("v1", "v1")
     assert len(result.rounds) == 2  # the new axis is solved on, though nothing moves
     assert result.rounds[1].sync_change_frames < 0.5
@@ -180,10 +178,7 @@ def test_the_stage_solves_again_with_a_video_that_was_left_out(
     monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
     notes = ["v3 seems to show another action"]
     first = made.sync.model_copy(update={"excluded": ["v3"], "notes": notes})
-    given = (made.keypoints, made.camera_motion, made.initial, first, made.single, made.again)
-    inputs = Inputs("refine_sync", {}, {type(x): x for x in given})
-    params = Params(refine=RefineParams(max_rounds=1))
-    result = refine_sync.run(context(tmp_path), inputs, params)
+    result = refine_sync.run(context(tmp_path), inputs_of(made, first), QUICK)
     assert result.rounds[0].sync.excluded == ["v3"]
     assert result.sync.excluded == []
     v3 = next(m for m in result.sync.maps if m.id == "v3")

@@ -7,16 +7,17 @@ import pytest
 
 from imocap_core.adapters.sync_maps import affinity_between
 from imocap_core.adapters.synchronisation import evidence_of, synchronise_motions
-from imocap_core.artifacts.schemas import Keypoints, Sync, VideoKeypoints, VideoMotion
+from imocap_core.artifacts.schemas import Keypoints, Sync
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
+from tests.made_keypoints import made_keypoints
 from tests.sync.test_synchronise import PARAMS as SYNC_PARAMS
 from tests.sync.test_synchronise import pose_at
 
-PARAMS = replace(SYNC_PARAMS, max_rate=20.0)
+PARAMS = replace(SYNC_PARAMS, max_rate=20.0, consensus_rounds=1)
 
 
-def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Keypoints]:
+def made(ids: list[str], offsets_s: list[float]) -> tuple[list[np.ndarray], Keypoints]:
     """Videos of one motion at 25 frames/s, each starting later; 24 joints from 12."""
     T = 60
     motions, detections = [], []
@@ -24,21 +25,13 @@ def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Key
         pose = pose_at(offset + np.arange(T) / 25.0)
         joints = np.concatenate([pose, 0.9 * pose[:, ::-1]], axis=1)
         joints += 0.01 * np.random.default_rng(3).normal(size=joints.shape)
-        motions.append(
-            VideoMotion(
-                id=name, frames=np.arange(T), theta=np.zeros((T, 72)), betas=np.zeros(10),
-                trans=np.zeros((T, 3)), joints=joints, reprojection_px=np.zeros(T),
-            )
-        )  # fmt: skip
+        motions.append(joints)
         detections.append(
-            VideoKeypoints(
-                id=name, fps=25.0, size=(64, 48), layout="body25", video=None, focal_px=None,
-                initial=None, initial_format=None, frames=np.arange(T), xy_px=np.zeros((T, 25, 2)),
-                confidence=np.ones((T, 25)), person_box_px=np.zeros((T, 4)), tracks_found=1,
-                presence=1.0, note="",
+            made_keypoints(
+                np.arange(T), id=name, fps=25.0, size=(64, 48), confidence=np.ones((T, 25))
             )
-        )  # fmt: skip
-    return [motion.joints for motion in motions], Keypoints(videos=detections)
+        )
+    return motions, Keypoints(videos=detections)
 
 
 def synchronised(

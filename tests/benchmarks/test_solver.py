@@ -29,7 +29,7 @@ def test_a_made_scene_is_seen_whole_and_starts_near() -> None:
 
 
 def test_a_race_ends_for_everybody_and_gauss_newton_is_its_measure() -> None:
-    made = made_scene(2, 6, FIT, 0)
+    made = made_scene(2, 4, FIT, 0)
     rows = race(made, MOTION, most_times=2.0)
     assert [row.solver for row in rows] == [NEWTON, "lbfgs", "adam"] * 2
     for row in rows:

@@ -36,14 +36,17 @@ def test_the_loops_of_time_warping_find_our_path(lengths: tuple[int, int]) -> No
     np.testing.assert_array_equal(path, ours)
 
 
+FRAMES = 3  # the fewest with accelerations
+
+
 @pytest.fixture(scope="module")
 def alone() -> MotionAlone:
-    return motion_alone(made_scene(3, 4, FitParams(), 5), MotionParams())
+    return motion_alone(made_scene(2, FRAMES, FitParams(), 5), MotionParams())
 
 
 def test_the_residuals_of_a_motion_alone_are_the_objective_s(alone: MotionAlone) -> None:
     rng = np.random.default_rng(1)
-    x, along = rng.normal(0.0, [[0.05], [1.0]], (2, 4 * 75))
+    x, along = rng.normal(0.0, [[0.05], [1.0]], (2, FRAMES * 75))
 
     def residuals(step: float) -> np.ndarray:
         return np.concatenate([r.numpy().ravel() for r, _ in alone.rows(x + step * along)])

@@ -19,6 +19,7 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.cli import main
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.runner import Outcome
+from tests.benchmarks.tasks import halve
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -196,12 +197,6 @@ class Recording:
 
     def notice(self, sentence: str) -> None:
         self.lines.append(sentence)
-
-
-def halve(display: object, number: int) -> tuple[int, str, int]:
-    if number % 2:
-        raise WorkFailed(f"{number} is odd")
-    return number // 2, os.environ.get("OMP_NUM_THREADS", ""), os.getpid()
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

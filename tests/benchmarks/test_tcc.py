@@ -25,6 +25,7 @@ from benchmarks.tcc.loss import LEAST_VARIANCE
 from benchmarks.tcc.training import window_offsets, windows_at
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.io.video import write_h264
+from tests.made_keypoints import made_keypoints
 
 HIPS = [0, 1]
 FPS = 30.0
@@ -234,10 +235,9 @@ def swinging_video(name: str, count: int, video: str | None) -> VideoKeypoints:
     points = np.arange(25)[None]
     xy = np.stack([48 + 12 * np.sin(turn + points), 32 + 12 * np.cos(1.5 * turn + points)], -1)
     box = np.concatenate([xy.min(axis=1), xy.max(axis=1)], axis=1)
-    return VideoKeypoints(
-        id=name, fps=30.0, size=SIZE, layout="body25", video=video, focal_px=None, initial=None,
-        initial_format=None, frames=np.arange(10, 10 + count), xy_px=xy,
-        confidence=np.ones((count, 25)), person_box_px=box, tracks_found=1, presence=1.0, note="",
+    return made_keypoints(
+        np.arange(10, 10 + count), id=name, size=SIZE, video=video, xy_px=xy,
+        confidence=np.ones((count, 25)), person_box_px=box,
     )  # fmt: skip
 
 

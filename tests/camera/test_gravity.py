@@ -42,11 +42,12 @@ from tests.camera.standing import (
     walking,
 )
 
+LONG = pytest.mark.long
 Y_UP = np.array([0.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize("joints", [standing(), walking()], ids=["standing", "walking"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=LONG) for seed in (1, 2))])
 def test_up_turns_with_the_world(joints, seed: int) -> None:
     rotation = Rotation.random(random_state=seed)
     estimate = estimate_up([filmed(joints, rotation)], PRIOR)
@@ -88,7 +89,9 @@ def test_a_motion_that_leans_in_the_picture_shows_the_roll_of_its_camera(roll_de
 
 
 @pytest.mark.parametrize("posture", POSTURES)
-@pytest.mark.parametrize(("facing_deg", "down_deg", "roll_deg"), [(90, 5, 0), (30, 12, 4)])
+@pytest.mark.parametrize(
+    ("facing_deg", "down_deg", "roll_deg"), [(90, 5, 0), pytest.param(30, 12, 4, marks=LONG)]
+)
 def test_who_lies_kneels_hangs_or_stands_on_the_hands_is_level(
     posture: str, facing_deg: int, down_deg: int, roll_deg: int
 ) -> None:

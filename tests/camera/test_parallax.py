@@ -20,6 +20,7 @@ from tests.camera.moving_tracks import (
     wall_points,
 )
 
+LONG = pytest.mark.long
 SPOT = np.zeros((FRAMES, 3))
 
 
@@ -27,7 +28,7 @@ def walk(metres):
     return np.linspace(0, 1, FRAMES)[:, None] * np.array([metres, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=LONG)])
 @pytest.mark.parametrize("distortion", [-0.1, 0.0, 0.12])
 def test_a_turning_camera_shows_no_parallax_and_tells_its_lens(seed, distortion):
     rng = np.random.default_rng(seed)
@@ -47,7 +48,7 @@ def test_a_zooming_camera_shows_no_parallax():
     assert np.exp(test.tripod.log_zoom[-1]) == pytest.approx(1.8, rel=0.05)
 
 
-@pytest.mark.parametrize("metres", [-1.5, 0.4, 1.0])
+@pytest.mark.parametrize("metres", [0.4, *(pytest.param(x, marks=LONG) for x in (-1.5, 1.0))])
 def test_a_walk_is_told_from_a_turn(metres):
     rng = np.random.default_rng(5)
     tracks = tracks_of(room_points(rng), turning(), walk(metres), rng)

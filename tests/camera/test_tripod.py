@@ -11,6 +11,7 @@ from imocap_core.camera.tripod import PairPoints, TripodCamera, TurningLens
 from tests.camera.moving_tracks import FOCAL, FRAMES, SIZE, room_points, tracks_of, turning
 
 SPOT = np.zeros((FRAMES, 3))
+LONG = pytest.mark.long
 CORNER = float(np.linalg.norm((np.array(SIZE) - 1) / 2))
 
 
@@ -31,14 +32,14 @@ def test_a_bent_lens_is_told_within_its_claimed_error(distortion):
     assert lens.coefficients[0] == pytest.approx(distortion * (FOCAL / CORNER) ** 2, abs=3 * k1_sd)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=LONG)])
 def test_a_pinhole_is_not_corrected(seed):
     _, test = told(0.0, seed=seed)
     assert test.lens is None or not test.lens.certain
     assert "lens" not in test.words
 
 
-@pytest.mark.parametrize("widest_deg", [0.1, 0.5])
+@pytest.mark.parametrize("widest_deg", [pytest.param(0.1, marks=LONG), 0.5])
 def test_a_camera_that_hardly_turns_tells_nothing(widest_deg):
     rng = np.random.default_rng(0)
     shaking = turning(widest_deg)[np.abs(24 - np.arange(FRAMES)) // 3]

@@ -35,8 +35,10 @@ def bars(pixels: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Boxes (x, y, width, height) and pixels of the bars in a picture, 0 to 1: one a colour."""
     found = []
     for n in range(3):
-        others = np.delete(pixels, n, axis=2).max(axis=2)
+        others = np.maximum(pixels[..., n - 1], pixels[..., n - 2])
         mask = ((pixels[..., n] > 0.5) & (others < 0.2)).astype(np.uint8)
+        if not mask.any():
+            continue
         _, labels, rows, _ = cv2.connectedComponentsWithStats(mask)
         found += [
             (row[:4], labels == label)
@@ -76,13 +78,13 @@ def landmark_network(given: np.ndarray) -> list[np.ndarray]:
     """Finds the largest bar that is near the middle of the crop; all its joints lie on it."""
     assert given.shape == (256, 256, 3)
     near = [
-        (mask.sum(), n)
+        (mask.sum(), n, mask, (x, y, width, height))
         for n, ((x, y, width, height), mask) in enumerate(bars(given))
         if np.hypot(x + width / 2 - 128, y + height / 2 - 128) < 90
     ]
     rows, mask = np.zeros((POINTS, 5), np.float32), np.full((256, 256), -9.0, np.float32)
     if near:
-        (x, y, width, height), pixels = bars(given)[max(near)[1]]
+        *_, pixels, (x, y, width, height) = max(near, key=lambda bar: bar[:2])
         rows[:, 0] = x + width * (0.1 + 0.8 * (np.arange(POINTS) % 2))
         rows[:, 1] = y + height * np.arange(POINTS) / (POINTS - 7)
         rows[CENTRE, :2] = x + width / 2, y + height / 2

@@ -40,6 +40,7 @@ def packages(tmp_path: Path, text: str) -> Path:
     return file
 
 
+@pytest.mark.long
 def test_it_is_made_once_and_again_when_the_versions_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

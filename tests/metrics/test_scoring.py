@@ -144,10 +144,6 @@ def test_summary_is_unweighted_and_counts_the_scored_videos() -> None:
     assert median.value == 2.0
 
 
-def _body_motion(joints: np.ndarray, names: tuple[str, ...] = SMPL_JOINTS) -> CameraJoints:
-    return CameraJoints(joints, names, np.arange(len(joints)))
-
-
 def _values(rows: list[ScoreRow]) -> dict[str, float | None]:
     return {row.metric: row.value for row in rows}
 
@@ -156,20 +152,20 @@ def test_joints_besides_the_twelve_have_their_own_errors(joints: np.ndarray) -> 
     off = joints.copy()
     off[:, SMPL_JOINTS.index("spine2")] += [0.09, 0, 0]
     off[:, SMPL_JOINTS.index("neck")] += [0, 0.03, 0]
-    rows = _values(joint_group_rows("final", "v1", _body_motion(off), _body_motion(joints)))
+    rows = _values(joint_group_rows("final", "v1", _motion(off), _motion(joints)))
     assert rows == {"spine_mm": pytest.approx(30.0), "collars_neck_mm": pytest.approx(10.0)}
-    errors = aligned_errors_mm(_body_motion(off), _body_motion(joints))
+    errors = aligned_errors_mm(_motion(off), _motion(joints))
     assert list(errors) == list(SMPL_JOINTS)
     assert errors["spine2"] == pytest.approx(90.0)
     assert max(errors[name] for name in EVAL_12) == pytest.approx(0, abs=1e-9)
 
 
 def test_a_truth_of_twelve_joints_scores_the_world_but_not_the_spine(joints: np.ndarray) -> None:
-    twelve = _body_motion(joints[:, [SMPL_JOINTS.index(name) for name in EVAL_12]], EVAL_12)
-    groups = joint_group_rows("final", "v1", _body_motion(joints), twelve)
+    twelve = _motion(joints[:, [SMPL_JOINTS.index(name) for name in EVAL_12]], EVAL_12)
+    groups = joint_group_rows("final", "v1", _motion(joints), twelve)
     assert [row.value for row in groups] == [None, None]
     assert "spine1" in groups[0].note
-    world = _values(world_rows("final", "v1", _body_motion(joints), twelve))
+    world = _values(world_rows("final", "v1", _motion(joints), twelve))
     assert world["w_mpjpe_mm"] == pytest.approx(0, abs=1e-9)
     assert world["rte_pct"] == pytest.approx(0, abs=1e-9)
 
@@ -177,7 +173,7 @@ def test_a_truth_of_twelve_joints_scores_the_world_but_not_the_spine(joints: np.
 def test_frames_with_missing_joints_are_left_out_of_the_world(joints: np.ndarray) -> None:
     holed = joints.copy()
     holed[3, 5] = np.nan
-    world = _values(world_rows("final", "v1", _body_motion(joints + 1), _body_motion(holed)))
+    world = _values(world_rows("final", "v1", _motion(joints + 1), _motion(holed)))
     assert world["wa_mpjpe_mm"] == pytest.approx(0, abs=1e-9)
 
 
@@ -227,6 +223,6 @@ def test_stretch_rows_are_per_cent_mean_and_worst() -> None:
 
 
 def test_jitter_of_too_short_a_motion_is_not_scored(joints: np.ndarray) -> None:
-    assert jitter_row("final", "v1", _body_motion(joints), 30.0).value is not None
-    short = jitter_row("final", "v1", _body_motion(joints[:3]), 30.0)
+    assert jitter_row("final", "v1", _motion(joints), 30.0).value is not None
+    short = jitter_row("final", "v1", _motion(joints[:3]), 30.0)
     assert (short.value, short.note) == (None, "no four frames in a row")

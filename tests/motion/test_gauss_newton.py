@@ -43,19 +43,21 @@ def disturbed(state: MotionState, spread: float) -> MotionState:
     return state.retract(shift, torch.zeros_like(state.betas))
 
 
+def terms_of(made: Made, state: MotionState, scale: float = 1.0) -> list[Term]:
+    """The monocular terms of the made video, as often as there are motions."""
+    seen = made.observations * len(state.trans)
+    return monocular_terms(made.body, wide_prior(), seen, state.trans, WEIGHTS, scale)
+
+
 def test_the_objective_never_rises(made: Made) -> None:
-    terms = monocular_terms(
-        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
-    )
+    terms = terms_of(made, made.state)
     solution = gauss_newton(terms, disturbed(made.state, 0.3), max_steps=8)
     assert all(b <= a for a, b in zip(solution.costs, solution.costs[1:], strict=False))
     assert solution.costs[-1] < 0.2 * solution.costs[0]
 
 
 def test_a_disturbed_motion_comes_back(made: Made) -> None:
-    terms = monocular_terms(
-        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 3.0
-    )
+    terms = terms_of(made, made.state, scale=3.0)
     start = disturbed(made.state, 0.1)
     solution = gauss_newton(terms, start, max_steps=15)
     before, after = (mpjpe_mm(made.body, s, made.state) for s in (start, solution.state))
@@ -65,17 +67,13 @@ def test_a_disturbed_motion_comes_back(made: Made) -> None:
 def test_motions_of_a_batch_do_not_feel_each_other(made: Made) -> None:
     alone = disturbed(made.state, 0.1)
     both = alone.rows(torch.tensor([0, 0]))
-    one = monocular_terms(made.body, wide_prior(), made.observations, alone.trans, WEIGHTS, 1.0)
-    two = monocular_terms(made.body, wide_prior(), made.observations * 2, alone.trans, WEIGHTS, 1.0)
-    expected = gauss_newton(one, alone, max_steps=3).state
-    found = gauss_newton(two, both, max_steps=3).state
+    expected = gauss_newton(terms_of(made, alone), alone, max_steps=3).state
+    found = gauss_newton(terms_of(made, both), both, max_steps=3).state
     assert torch.allclose(found.R_local[1], expected.R_local[0], atol=1e-8)
 
 
 def test_a_motion_alone_is_linearised_in_halves_that_add_up(made: Made) -> None:
-    terms = monocular_terms(
-        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
-    )
+    terms = terms_of(made, made.state)
     state = disturbed(made.state, 0.1)
     whole = linearise(terms, state)
     in_halves = linearise_halves(terms, state, in_turn)
@@ -93,9 +91,7 @@ def test_the_number_of_cores_changes_nothing(
     made: Made, motions: int, shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start = disturbed(made.state, 0.1).rows(torch.zeros(motions, dtype=torch.long))
-    seen = made.observations * motions
-    terms = monocular_terms(made.body, wide_prior(), seen, start.trans, WEIGHTS, 1.0)
-    found = []
+    terms, found = terms_of(made, start), []
     for count in (1, 2):
         monkeypatch.setattr("imocap_core.motion.gauss_newton.cores", lambda n=count: n)
         found.append(gauss_newton(terms, start, max_steps=2, shared_globals=shared))
@@ -104,9 +100,7 @@ def test_the_number_of_cores_changes_nothing(
 
 
 def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
-    terms = monocular_terms(
-        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
-    )
+    terms = terms_of(made, made.state)
     start = disturbed(made.state, 0.1)
     slow = adam(terms, start, max_steps=40)
     quick = gauss_newton(terms, start, max_steps=8)
@@ -118,22 +112,15 @@ def mean_angle(a: torch.Tensor, b: torch.Tensor) -> float:
     return float(geodesic_angle(a, b).mean())
 
 
-@pytest.fixture(scope="module")
-def well_posed() -> tuple[list[Term], MotionState]:
-    """Four frames in which nothing is left open: keypoints, and a known motion near them."""
+@pytest.mark.long
+def test_all_solvers_reach_the_same_objective_and_lbfgs_stops_where_nothing_is_lower() -> None:
+    """L-BFGS to 0.03 %, Adam, whose steps have a fixed length, to 0.5 %. Four frames in which
+    nothing is left open: keypoints, and a known motion near them."""
     made = scene(4, [0.0], np.random.default_rng(3))
-    terms = monocular_terms(
-        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 3.0
-    )
     trust = torch.full((1, 4, 24), 0.03**-2, dtype=torch.float64)
     known = [PoseCoupling(made.state.R_local, trust), PathCoupling(made.state.trans, trust[..., 0])]
-    return [*terms, *known], disturbed(made.state, 0.03)
-
-
-def test_all_solvers_reach_the_same_objective(well_posed: tuple[list[Term], MotionState]) -> None:
-    """L-BFGS to 0.03 %, Adam, whose steps have a fixed length, to 0.5 %."""
-    terms, start = well_posed
-    newton = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-9)
+    terms, start = [*terms_of(made, made.state, 3.0), *known], disturbed(made.state, 0.03)
+    newton = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-12)
     quasi = lbfgs(terms, start, max_steps=300, relative_tolerance=1e-8)
     plain = adam(terms, start, max_steps=300, learning_rate=0.003)
     lowest = newton.costs[-1]
@@ -147,12 +134,13 @@ def test_all_solvers_reach_the_same_objective(well_posed: tuple[list[Term], Moti
     assert found < 0.1 * mean_angle(newton.state.R_local, start.R_local)
     assert "converged after" in quasi.status
     assert bool(quasi.converged.all())
+    there = lbfgs(terms, newton.state, max_steps=50, relative_tolerance=1e-15)
+    assert there.costs[-1] <= there.costs[0]
+    assert there.costs[-1] == pytest.approx(there.costs[0], rel=3e-4)  # reweighting is linear
 
 
 def test_lbfgs_never_takes_a_step_that_raises_the_objective(made: Made) -> None:
-    terms = monocular_terms(
-        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
-    )
+    terms = terms_of(made, made.state)
     found = lbfgs(terms, disturbed(made.state, 0.3), max_steps=12)
     assert len(found.costs) == 13
     assert all(b < a for a, b in zip(found.costs, found.costs[1:], strict=False))
@@ -160,19 +148,9 @@ def test_lbfgs_never_takes_a_step_that_raises_the_objective(made: Made) -> None:
     assert not bool(found.converged.any())
 
 
-def test_lbfgs_stops_where_nothing_is_lower(well_posed: tuple[list[Term], MotionState]) -> None:
-    terms, start = well_posed
-    there = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-12).state
-    found = lbfgs(terms, there, max_steps=50, relative_tolerance=1e-15)
-    assert found.costs[-1] <= found.costs[0]
-    assert found.costs[-1] == pytest.approx(found.costs[0], rel=3e-4)  # reweighting is linear
-
-
 def test_one_body_stays_one_body_with_every_solver(made: Made) -> None:
-    two = made.observations * 2
     both = made.state.rows(torch.tensor([0, 0]))
-    start = disturbed(both, 0.05)
-    terms = monocular_terms(made.body, wide_prior(), two, both.trans, WEIGHTS, 3.0)
+    start, terms = disturbed(both, 0.05), terms_of(made, both, scale=3.0)
     for solver in (gauss_newton, lbfgs, adam):
         found = solver(terms, start, max_steps=3, shared_globals=True).state
         assert torch.equal(found.betas[0], found.betas[1])
@@ -183,8 +161,7 @@ def test_equations_that_are_not_held_give_the_same_steps(
     made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = made.state.rows(torch.tensor([0, 0]))
-    start = disturbed(both, 0.3)
-    terms = monocular_terms(made.body, wide_prior(), made.observations * 2, both.trans, WEIGHTS, 1)
+    start, terms = disturbed(both, 0.3), terms_of(made, both)
     held = gauss_newton(terms, start, max_steps=6, shared_globals=True)
     monkeypatch.setattr(gauss_newton_module, "MOST_HELD", 0)
     dropped = gauss_newton(terms, start, max_steps=6, shared_globals=True)
@@ -249,40 +226,23 @@ def prior_of_two() -> PosePrior:
     return mixture(mean, covariance[None], np.ones(1), np.ones(24), np.ones(24))
 
 
-def terms_that_tell_one_joint() -> tuple[list[Term], MotionState]:
+def test_a_hidden_joint_takes_its_conditional_mean_and_claims_the_conditional_spread() -> None:
     rest = torch.eye(3, dtype=torch.float64).expand(1, 1, 24, 3, 3).clone()
     target = rest.clone()
     target[0, 0, BENT] = exp(torch.tensor([0.0, 0.0, ANGLE_RAD], dtype=torch.float64))
     hold = torch.zeros(1, 1, 24, dtype=torch.float64)
     hold[..., [0, BENT]] = 1e8
-    start = MotionState.of(
-        rest,
-        torch.zeros(1, 1, 3, dtype=torch.float64),
-        torch.zeros(1, 10, dtype=torch.float64),
-        torch.ones(1, 1, dtype=torch.bool),
-    )
-    return [PosePriorTerm(prior_of_two(), 1.0), PoseCoupling(target, hold)], start
-
-
-def test_a_hidden_joint_takes_its_conditional_mean() -> None:
-    terms, start = terms_that_tell_one_joint()
+    path, shape = (torch.zeros(*size, dtype=torch.float64) for size in ((1, 1, 3), (1, 10)))
+    start = MotionState.of(rest, path, shape, torch.ones(1, 1, dtype=torch.bool))
+    terms = [PosePriorTerm(prior_of_two(), 1.0), PoseCoupling(target, hold)]
     fitted = gauss_newton(
         terms, start, max_steps=50, relative_tolerance=1e-12, free_shape=False
     ).state
     turned = fitted.axis_angle[0, 0]
-    expected = MEAN_RAD + CORRELATION * (ANGLE_RAD - MEAN_RAD)
-    torch.testing.assert_close(
-        turned[HIDDEN], torch.tensor([0.0, 0.0, expected]).to(turned), atol=1e-4, rtol=0
-    )
+    mean = torch.tensor([0.0, 0.0, MEAN_RAD + CORRELATION * (ANGLE_RAD - MEAN_RAD)]).to(turned)
+    torch.testing.assert_close(turned[HIDDEN], mean, atol=1e-4, rtol=0)
     others = [k for k in range(1, 24) if k not in (BENT, HIDDEN)]
     assert turned[others].abs().max() < 1e-4
-
-
-def test_its_claimed_spread_is_the_conditional_one() -> None:
-    terms, start = terms_that_tell_one_joint()
-    fitted = gauss_newton(
-        terms, start, max_steps=50, relative_tolerance=1e-12, free_shape=False
-    ).state
     H = linearise(terms, fitted).diagonal[0, 0, :POSE, :POSE]
     spread = torch.linalg.inv(H)[3 * HIDDEN + 2, 3 * HIDDEN + 2].sqrt()
     conditional = SPREAD_RAD * np.sqrt(1 - CORRELATION**2)

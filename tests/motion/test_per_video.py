@@ -35,11 +35,6 @@ from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 FULL = (30.0 / WEIGHTS.foot_hold_m_s) ** 2  # weight of a step between frames at 30 a second
 
 
-@pytest.fixture(scope="module")
-def twenty_frames() -> Made:
-    return scene(20, [0.0, 80.0, -70.0], np.random.default_rng(5))
-
-
 def moving(state: MotionState, speed_m_s: Tensor) -> MotionState:
     """The first frame's pose, carried along x at a speed (B,) of its own."""
     seconds = torch.arange(state.trans.shape[1], dtype=torch.float64) / 30.0
@@ -56,62 +51,60 @@ def speeds(*m_s: float) -> Tensor:
     return torch.tensor(m_s, dtype=torch.float64)
 
 
-def weight(twenty_frames: Made, common_m_s: Tensor, own_m_s: Tensor) -> Tensor:
+def weight(made: Made, common_m_s: Tensor, own_m_s: Tensor) -> Tensor:
     """(B,) how feet are held when the common motion and the own ones travel so fast."""
-    state = in_own_axes(twenty_frames)
-    term = foot_contact_term(
-        whole(twenty_frames), moving(state, common_m_s), moving(state, own_m_s)
-    )
+    state = in_own_axes(made)
+    term = foot_contact_term(whole(made), moving(state, common_m_s), moving(state, own_m_s))
     assert isinstance(term, FootContact)
     assert isinstance(term.weight, Tensor)
     assert term.scale == CONTACT_SCALE
     return term.weight.mean((1, 2))
 
 
-def test_feet_that_stand_in_both_are_held_in_full(twenty_frames: Made) -> None:
-    found = weight(twenty_frames, speeds(0.0, 0.0, 0.0), speeds(0.0, 0.0, 0.0))
+def test_feet_that_stand_in_both_are_held_in_full(made: Made) -> None:
+    found = weight(made, speeds(0.0, 0.0, 0.0), speeds(0.0, 0.0, 0.0))
     torch.testing.assert_close(found, torch.full_like(found, FULL))
 
 
-def test_feet_that_swing_in_the_common_motion_are_let_go(twenty_frames: Made) -> None:
-    found = weight(twenty_frames, speeds(0.0, 0.05, 1.0), speeds(0.0, 0.0, 0.0)) / FULL
+def test_feet_that_swing_in_the_common_motion_are_let_go(made: Made) -> None:
+    found = weight(made, speeds(0.0, 0.05, 1.0), speeds(0.0, 0.0, 0.0)) / FULL
     torch.testing.assert_close(found[1], found.new_tensor(0.25))  # the speed that counts a quarter
     assert float(found[2]) < 1e-4
 
 
-def test_a_video_whose_own_feet_swing_objects_for_itself_alone(twenty_frames: Made) -> None:
-    found = weight(twenty_frames, speeds(0.0, 0.0, 0.0), speeds(0.0, 2.0, 0.0)) / FULL
+def test_a_video_whose_own_feet_swing_objects_for_itself_alone(made: Made) -> None:
+    found = weight(made, speeds(0.0, 0.0, 0.0), speeds(0.0, 2.0, 0.0)) / FULL
     assert float(found[1]) < 1e-3
     torch.testing.assert_close(found[[0, 2]], torch.ones(2, dtype=torch.float64))
 
 
-def test_a_fit_goes_on_from_the_one_before_to_the_same_place(twenty_frames: Made) -> None:
-    all_, true = whole(twenty_frames), in_own_axes(twenty_frames)
+def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
+    all_, true = whole(made), in_own_axes(made)
     spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))
-    given = (twenty_frames.state, twenty_frames.cameras(), spread, replace(OPTIONS, max_steps=12))
+    given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     cold, cost = fit_deviations(all_, true, *given)
     again, lower = fit_deviations(all_, cold, *given, afresh=False)
     assert lower <= cost
-    assert mpjpe_mm(twenty_frames.body, again, cold) < 1.0
+    assert mpjpe_mm(made.body, again, cold) < 1.0
     astray = disturbed(cold, 0.03)
     back, _ = fit_deviations(all_, astray, *given, afresh=False)
-    assert mpjpe_mm(twenty_frames.body, astray, cold) > 10.0
-    assert mpjpe_mm(twenty_frames.body, back, cold) < 2.0
+    assert mpjpe_mm(made.body, astray, cold) > 10.0
+    assert mpjpe_mm(made.body, back, cold) < 2.0
 
 
-def test_a_chain_deviates_no_further_than_its_keypoints_may(twenty_frames: Made) -> None:
+def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
     """With rotations coupled one by one a hand deviates twice as far as its keypoint may; with
     positions coupled, too, no further."""
-    all_, state = whole(twenty_frames), in_own_axes(twenty_frames)
+    all_, state = whole(made), in_own_axes(made)
     spread_m = 0.03
     spread = DeviationSpread(np.full((3, 20, 25), spread_m), initial_offset_sd(3, MotionParams()))
     options = replace(OPTIONS, correlation_s=0.0)
     faces = torch.ones_like(state.trans[..., 0])
-    targets = targets_of(all_, state, twenty_frames.state, twenty_frames.cameras())
-    terms = deviation_terms(all_, state, twenty_frames.state, targets, spread, options, faces)
-    wrist = twenty_frames.body.keypoints.names.index("left_wrist")
-    hip = twenty_frames.body.keypoints.names.index("mid_hip")
-    derivatives = twenty_frames.body.derivatives(twenty_frames.body.keypoints, state).d_pose
+    targets = targets_of(all_, state, made.state, made.cameras())
+    terms = deviation_terms(all_, state, made.state, targets, spread, options, faces)
+    wrist = made.body.keypoints.names.index("left_wrist")
+    hip = made.body.keypoints.names.index("mid_hip")
+    derivatives = made.body.derivatives(made.body.keypoints, state).d_pose
     jacobian = (derivatives[0, 5, wrist] - derivatives[0, 5, hip])[:, 3:]  # the root's turn apart
     deviates = []
     for some in (terms[:-1], terms):
@@ -122,18 +115,16 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(twenty_frames: Made)
     assert 0.5 * spread_m < deviates[1] < spread_m
 
 
-def test_positions_of_limbs_are_coupled_however_the_body_is_turned(twenty_frames: Made) -> None:
-    state, trust = in_own_axes(twenty_frames), torch.ones(3, 20, dtype=torch.float64)
+def test_positions_of_limbs_are_coupled_however_the_body_is_turned(made: Made) -> None:
+    state, trust = in_own_axes(made), torch.ones(3, 20, dtype=torch.float64)
     trust[:, 15:] = 0.0
-    names = twenty_frames.body.keypoints.names
+    names = made.body.keypoints.names
     targets = CouplingTargets(state.R_local, state.trans, trust)
-    term = position_coupling(
-        twenty_frames.body, targets, state, trust.new_full((3, 20, len(names)), 900.0)
-    )
+    term = position_coupling(made.body, targets, state, trust.new_full((3, 20, len(names)), 900.0))
     coupled = {name for name, weight in zip(names, term.weight[0, 0], strict=True) if weight > 0}
     assert coupled == COUPLED
     assert float(term.weight[:, 15:].max()) == 0.0
-    two_layouts = Body.of(twenty_frames.body.model, "body25", "coco17")
+    two_layouts = Body.of(made.body.model, "body25", "coco17")
     count = len(two_layouts.keypoints.names)
     both = position_coupling(two_layouts, targets, state, trust.new_full((3, 20, count), 900.0))
     torch.testing.assert_close(both.weight.sum(), term.weight.sum())

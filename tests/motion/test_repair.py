@@ -131,9 +131,9 @@ def test_a_solve_that_goes_on_begins_afresh_where_other_sides_are_swapped_now(ma
     """It went on from a result that had been fitted to swapped legs."""
     start, bad = disturbed(in_own_axes(made), 0.03), confused(whole(made), LEGS)
     none = [np.zeros(FRAMES, int)] * len(TURNS_DEG)
-    legs = [np.where(STRETCH, LEGS, 0), *none[1:]]
+    legs, once = [np.where(STRETCH, LEGS, 0), *none[1:]], replace(OPTIONS, max_steps=1)
     go_on, again, as_before = (
-        recover_motion(bad, start, OPTIONS, cameras=made.cameras(), swapped=states, afresh=afresh)
+        recover_motion(bad, start, once, cameras=made.cameras(), swapped=states, afresh=afresh)
         for states, afresh in ((none, False), (none, True), (legs, False))
     )
     assert go_on.costs == again.costs

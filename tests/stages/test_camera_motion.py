@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.camera.projection import Lens, intrinsics, warp
 from imocap_core.io.video import write_h264
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.stage import Context, Inputs
 from stages import camera_motion
+from tests.made_keypoints import made_keypoints
 
 SIZE, FRAMES = (320, 180), 10
 PARAMS = Params(
@@ -29,16 +30,12 @@ def keypoints_of(video, first=0, focal_px=None, distortion=None):
     xy_px = np.full((FRAMES, 25, 2), 100.0)
     xy_px[3, 2] = np.nan
     box = np.tile([90.0, 90.0, 110.0, 110.0], (FRAMES, 1))
-    return Keypoints(
-        videos=[
-            VideoKeypoints(
-                id="v1", fps=30.0, size=SIZE, layout="body25", video=video, focal_px=focal_px,
-                initial=None, initial_format=None, frames=np.arange(first, first + FRAMES),
-                xy_px=xy_px, confidence=np.isfinite(xy_px[..., 0]).astype(float),
-                person_box_px=box, tracks_found=1, presence=1.0, note="", distortion=distortion,
-            )
-        ]
+    video = made_keypoints(
+        np.arange(first, first + FRAMES), size=SIZE, video=video, focal_px=focal_px, xy_px=xy_px,
+        confidence=np.isfinite(xy_px[..., 0]).astype(float), person_box_px=box,
+        distortion=distortion,
     )  # fmt: skip
+    return Keypoints(videos=[video])
 
 
 def run(folder, keypoints):
@@ -56,14 +53,20 @@ def run(folder, keypoints):
     return camera_motion.run(context, inputs, PARAMS).videos[0]
 
 
-@pytest.fixture
-def sliding(tmp_path):
+@pytest.fixture(scope="module")
+def sliding(tmp_path_factory):
     """A texture that slides to the left by 4 pixels a frame, as a slow pan would show it."""
+    folder = tmp_path_factory.mktemp("sliding")
     coarse = np.random.default_rng(0).integers(0, 255, size=(45, 120), dtype=np.uint8)
     texture = np.kron(coarse, np.ones((4, 4), np.uint8))
     frames = (np.repeat(texture[:, 4 * t : 4 * t + 320, None], 3, axis=2) for t in range(12))
-    write_h264(tmp_path / "v1.mp4", frames, 30.0, crf=16)
-    return tmp_path
+    write_h264(folder / "v1.mp4", frames, 30.0, crf=16)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def followed(sliding):
+    return run(sliding, keypoints_of("v1.mp4"))
 
 
 def test_without_a_video_the_camera_stands_still_and_is_unknown(tmp_path):
@@ -73,8 +76,8 @@ def test_without_a_video_the_camera_stands_still_and_is_unknown(tmp_path):
     assert np.array_equal(found.xy_first_px, keypoints.videos[0].xy_px, equal_nan=True)
 
 
-def test_keypoints_are_carried_back_by_the_pan(sliding):
-    found = run(sliding, keypoints_of("v1.mp4"))
+def test_keypoints_are_carried_back_by_the_pan(followed):
+    found = followed
     assert found.motion == "rotating"
     moved = found.xy_first_px[:, 0, 0] - 100.0
     assert np.allclose(moved, 4.0 * np.arange(FRAMES), atol=1.0)
@@ -92,9 +95,9 @@ def test_a_video_that_ends_too_early_is_named(sliding):
         run(sliding, keypoints_of("v1.mp4", first=5))
 
 
-def test_the_same_video_gives_the_same_numbers(sliding):
-    one, two = (run(sliding, keypoints_of("v1.mp4")) for _ in range(2))
-    assert np.array_equal(one.H_first_from_frame, two.H_first_from_frame)
+def test_the_same_video_gives_the_same_numbers(sliding, followed):
+    again = run(sliding, keypoints_of("v1.mp4"))
+    assert np.array_equal(again.H_first_from_frame, followed.H_first_from_frame)
 
 
 def test_a_declared_lens_is_taken_out_of_the_keypoints(tmp_path):

@@ -1,6 +1,7 @@
 """One bad video never moves the others: their keypoints are those that they have without it."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints
+from imocap_core.artifacts.schemas.video_schemas import LeftOutVideo
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.params import KeypointsParams, Params
 from imocap_core.pipeline.action import Action, Declaration
@@ -22,7 +24,7 @@ FRAMES = 60
 def declared(folder: Path, name: str, **changes: Any) -> Declaration:
     """A video of somebody who walks, beside a smaller bystander."""
     detections = folder / name
-    detections.mkdir()
+    detections.mkdir(exist_ok=True)
     rng = np.random.default_rng(3)
     walker, bystander = rng.uniform(-1, 1, (2, 25, 2)) * [9, 30]
     for t in range(FRAMES):
@@ -41,6 +43,35 @@ def run(folder: Path, *videos: Declaration) -> Keypoints:
     return keypoints.run(context, Inputs("keypoints", {}), PARAMS)
 
 
+@dataclass(frozen=True)
+class Others:
+    """Two good videos in a folder, and their keypoints without any other."""
+
+    folder: Path
+    videos: list[Declaration]
+    expected: Keypoints
+
+    def beside(self, name: str, **changes: Any) -> LeftOutVideo:
+        """What is said of a bad third one, after checking that it moves none of these."""
+        bad = declared(self.folder, name, **changes)
+        result = run(self.folder, self.videos[0], bad, self.videos[1])
+        for video, other in zip(result.videos, self.expected.videos, strict=True):
+            assert video.id == other.id
+            assert np.array_equal(video.xy_px, other.xy_px, equal_nan=True)
+        (left_out,) = result.left_out or []
+        assert left_out.id == name
+        return left_out
+
+
+@pytest.fixture(scope="module")
+def others(tmp_path_factory: pytest.TempPathFactory) -> Others:
+    folder = tmp_path_factory.mktemp("action")
+    good = [declared(folder, "v1"), declared(folder, "v2")]
+    expected = run(folder, *good)
+    assert expected.left_out is None
+    return Others(folder, good, expected)
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
@@ -52,21 +83,12 @@ def run(folder: Path, *videos: Declaration) -> Keypoints:
         ({"video": "v3.mp4", "fps": None, "size": None}, "v3.mp4: broken, decoding failed after"),
     ],
 )
-def test_a_bad_video_is_left_out(tmp_path: Path, changes: dict[str, Any], reason: str) -> None:
-    good = [declared(tmp_path, "v1"), declared(tmp_path, "v2")]
-    bad = declared(tmp_path, "v3", **changes)
-    write_damaged(tmp_path / "v3.mp4", FRAMES, 20, 29, unreadable=True)
-    result = run(tmp_path, good[0], bad, good[1])
-    expected = run(tmp_path, *good)
-    for video, other in zip(result.videos, expected.videos, strict=True):
-        assert video.id == other.id
-        assert np.array_equal(video.xy_px, other.xy_px, equal_nan=True)
-    assert expected.left_out is None
-    (left_out,) = result.left_out or []
-    assert left_out.id == "v3"
-    assert left_out.reason.startswith(reason)
+def test_a_bad_video_is_left_out(others: Others, changes: dict[str, Any], reason: str) -> None:
+    if "video" in changes:
+        write_damaged(others.folder / "v3.mp4", FRAMES, 20, 29, unreadable=True)
+    assert others.beside("v3", **changes).reason.startswith(reason)
     with pytest.raises(ValueError, match="v3"):
-        run(tmp_path, good[0], bad)
+        run(others.folder, others.videos[0], declared(others.folder, "v3", **changes))
 
 
 def test_a_corrupt_file_of_keypoints_leaves_its_video_out(tmp_path: Path) -> None:
@@ -97,18 +119,12 @@ def write_estimate(file: Path, arrays: dict[str, np.ndarray]) -> Path:
 
 
 @pytest.mark.parametrize("case", [*ESTIMATES, "cut off"])
-def test_a_wrong_estimate_leaves_its_video_out(tmp_path: Path, case: str) -> None:
+def test_a_wrong_estimate_leaves_its_video_out(others: Others, case: str) -> None:
     kind, arrays, fault = ESTIMATES.get(case, ("joints_npz", {"joints": JOINTS}, "is not a read"))
-    file = write_estimate(tmp_path / "estimate.npz", arrays)
+    file = write_estimate(others.folder / "estimate.npz", arrays)
     if case == "cut off":
         file.write_bytes(file.read_bytes()[:2000])
-    good = [declared(tmp_path, "v1"), declared(tmp_path, "v2")]
-    bad = declared(tmp_path, "v3", initial="estimate.npz", initial_format=kind)
-    result, expected = run(tmp_path, *good, bad), run(tmp_path, *good)
-    for video, other in zip(result.videos, expected.videos, strict=True):
-        assert np.array_equal(video.xy_px, other.xy_px, equal_nan=True)
-    (left_out,) = result.left_out or []
-    assert left_out.id == "v3"
+    left_out = others.beside("v3", initial="estimate.npz", initial_format=kind)
     assert left_out.reason.startswith(f"estimate.npz: {fault}")
     assert "repair what `initial` of v3 names in action.yaml, or remove" in left_out.reason
 

@@ -51,34 +51,36 @@ def pixels_at(time_s):
     return xy + np.stack([100 + SPEED_PX_S * time_s, 180 + 0 * time_s], axis=-1)[:, None]
 
 
-@pytest.fixture
-def folder(tmp_path):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
     """The video and its detections, frame by frame."""
-    write_timed(tmp_path / "phone.mp4", TIME_S, SIZE)
-    detections = tmp_path / "keypoints" / "v1"
+    folder = tmp_path_factory.mktemp("phone")
+    write_timed(folder / "phone.mp4", TIME_S, SIZE)
+    detections = folder / "keypoints" / "v1"
     detections.mkdir(parents=True)
     for t, xy in enumerate(pixels_at(TIME_S)):
         person = np.nan_to_num(np.c_[xy, np.isfinite(xy[:, 0]) * 0.9])
         content = {"people": [{"pose_keypoints_2d": person.ravel().tolist()}]}
         (detections / f"v1_{t:012d}_keypoints.json").write_text(json.dumps(content))
-    return tmp_path
+    return folder
 
 
 def by_stamps(folder, **changes):
     return run(folder, video="phone.mp4", fps=None, size=None, **changes)
 
 
-def at_constant_rate(folder):
-    return run(folder, fps=probe(folder / "phone.mp4").fps)
+@pytest.fixture(scope="module")
+def read(folder):
+    return by_stamps(folder)
 
 
 def hips_x(xy_px):
     return np.nanmean(xy_px[:, [NAMES.index("left_hip"), NAMES.index("right_hip")], 0], axis=1)
 
 
-def test_speeds_are_those_of_the_action(folder):
+def test_speeds_are_those_of_the_action(folder, read):
     """By time stamps to a hundredth of the walker's speed; at the mean rate a fifth is wrong."""
-    read, wrong = by_stamps(folder), at_constant_rate(folder)
+    wrong = run(folder, fps=probe(folder / "phone.mp4").fps)
     error = read.fps * np.diff(hips_x(read.xy_px) - hips_x(pixels_at(read.time_s)))
     assert np.abs(error).max() < 0.01 * SPEED_PX_S
     assert read.fps == pytest.approx(30)
@@ -86,8 +88,7 @@ def test_speeds_are_those_of_the_action(folder):
     assert np.median(np.abs(wrong.fps * np.diff(hips_x(wrong.xy_px)) - true)) > 0.2 * SPEED_PX_S
 
 
-def test_frames_stay_those_of_the_source(folder):
-    read = by_stamps(folder)
+def test_frames_stay_those_of_the_source(read):
     assert (np.diff(read.frames) >= 0).all()
     assert (read.frames[0], read.frames[-1]) == (0, len(TIME_S) - 1)
     apart = np.abs(TIME_S[read.frames] - read.time_s)
@@ -129,9 +130,8 @@ def test_sync_is_right_by_time_stamps():
     assert right < 0.6 * wrong
 
 
-def test_a_camera_is_known_between_frames(folder):
+def test_a_camera_is_known_between_frames(read):
     """A pan of constant speed is one at even moments too."""
-    read = by_stamps(folder)
     angle = 0.2 * TIME_S
     c, s, o = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     R = np.moveaxis(np.array([[c, o, s], [o, o + 1, o], [-s, o, c]]), -1, 0)
@@ -145,8 +145,7 @@ def test_a_camera_is_known_between_frames(folder):
     assert len(nearest_used(read)) == len(TIME_S)
 
 
-def test_truth_is_sampled_at_the_moments(folder):
-    read = by_stamps(folder)
+def test_truth_is_sampled_at_the_moments(folder, read):
     np.savez(
         folder / "truth.npz", **{"v1/joints": joints_at(TIME_S), "v1/phase": TIME_S},
         joint_names=np.array(SMPL_JOINTS),
@@ -171,9 +170,8 @@ def test_a_reference_of_the_source_frames_is_used_at_the_moments(folder):
     np.testing.assert_allclose(estimate, joints_at(read.time_s), atol=0.005)
 
 
-def test_anchors_are_at_the_nearest_moment(folder):
+def test_anchors_are_at_the_nearest_moment(read):
     """They are source frames in action.yaml."""
-    read = by_stamps(folder)
     other = read.model_copy(update={"id": "v2"})
     hints = hints_of(
         [AnchorEntry(v1=50, v2=20)],

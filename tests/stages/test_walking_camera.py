@@ -9,13 +9,14 @@ from benchmarks.synthetic.moving_yoga import every_frame, make_moving_clip, movi
 from benchmarks.synthetic.walking_cameras import CameraWalk
 from imocap_core.adapters import camera_motion as moving_camera
 from imocap_core.alignment import similarity
-from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.io.video import write_h264
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.pipeline.stage import Context, Inputs
 from stages import camera_motion
+from tests.made_keypoints import made_keypoints
 
 SIZE = (400, 226)
 
@@ -27,10 +28,9 @@ def film(tmp_path_factory):
     clip = every_frame(make_moving_clip(5, 0, shaped, CameraWalk(1.2), SIZE), 4)
     write_h264(folder / "v1.mp4", moving_pictures(clip, 5, 0, shaped), clip.fps, crf=16)
     xy_px = clip.xy_px
-    video = VideoKeypoints(
-        id="v1", fps=clip.fps, size=SIZE, layout="body25", video="v1.mp4", focal_px=None,
-        initial=None, initial_format=None, frames=np.arange(len(xy_px)), xy_px=xy_px,
-        confidence=np.ones(xy_px.shape[:2]), tracks_found=1, presence=1.0, note="",
+    video = made_keypoints(
+        np.arange(len(xy_px)), fps=clip.fps, size=SIZE, video="v1.mp4", xy_px=xy_px,
+        confidence=np.ones(xy_px.shape[:2]),
         person_box_px=np.concatenate([xy_px.min(axis=1), xy_px.max(axis=1)], axis=1),
     )  # fmt: skip
     return folder, Keypoints(videos=[video]), clip

@@ -104,7 +104,7 @@ def test_inserted_frames_of_another_pose_cost_nothing_but_are_not_trusted() -> N
         for p in (phase, np.linspace(40, 42, frames))
     )
     mixed = np.concatenate([plain[:60], other, plain[60:]])
-    params = replace(PARAMS, max_rate=32.0)
+    params = replace(PARAMS, max_rate=32.0, consensus_rounds=1)
     result = run([estimated(phase, rng), mixed, estimated(phase, rng)], params, reference=0)
     rest = np.r_[:60, 60 + frames : 120 + frames]
     assert np.abs(result.reference_frame[1][rest] - np.arange(120.0)).max() < 4.0

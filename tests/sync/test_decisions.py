@@ -73,7 +73,7 @@ def test_genuine_videos_stay_even_with_a_reversed_fit() -> None:
         assert (result.score < LARGEST_SCORE).all()
 
 
-@pytest.mark.parametrize("where", [0, 2])
+@pytest.mark.parametrize("where", [pytest.param(0, marks=pytest.mark.long), 2])
 def test_a_mirrored_video_is_mirrored_whatever_its_fit(where: int) -> None:
     videos = videos_of(motion_of(1))
     for flipped in (videos[where].mirrored(TWINS), depth_reversed(videos[where].mirrored(TWINS))):
@@ -82,12 +82,13 @@ def test_a_mirrored_video_is_mirrored_whatever_its_fit(where: int) -> None:
         assert result.margin[where] > 0.3
 
 
-@pytest.mark.parametrize("where", [0, 3])
+@pytest.mark.parametrize("where", [pytest.param(0, marks=pytest.mark.long), 3])
 def test_a_stranger_is_an_outlier_unless_it_must_stay_or_nobody_looks(where: int) -> None:
     videos = videos_of(motion_of(1))
     videos[where] = ScreenedVideo(turned(motion_of(2), 0.5), filmed(motion_of(2), 0.5))
-    assert decided(videos).outliers == (where,)
-    assert decided(videos).score[where] > LARGEST_SCORE
+    result = decided(videos)
+    assert result.outliers == (where,)
+    assert result.score[where] > LARGEST_SCORE
     assert decided(videos, never_outliers=np.arange(4) == where).outliers != (where,)
     assert decided(videos, look_outliers=False).outliers == ()
 
@@ -118,7 +119,9 @@ def with_noise(videos: list[ScreenedVideo], share: float) -> list[ScreenedVideo]
     ]
 
 
-@pytest.mark.parametrize(("asymmetry", "both"), [(0.12, ()), (0.3, (1, 3))])
+@pytest.mark.parametrize(
+    ("asymmetry", "both"), [(0.12, ()), pytest.param(0.3, (1, 3), marks=pytest.mark.long)]
+)
 def test_two_mirrored_videos_have_to_be_clearer_than_one(
     asymmetry: float, both: tuple[int, ...]
 ) -> None:
@@ -138,7 +141,7 @@ def lastingly_wrong(video: ScreenedVideo, share: float, seed: int) -> ScreenedVi
     return ScreenedVideo(video.motion, Keypoints2D(k.xy_px + error, k.weight))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_symmetric_action_is_never_mirrored_however_precise_or_wrong_its_videos(
     seed: int,
 ) -> None:

@@ -1,5 +1,5 @@
-"""What Internet video does to time: slow motion, frozen frames, clips that share only a part, long
-holds of unequal length; and every cycle method with either warp."""
+"""What Internet video does to time: slow motion, frames shown twice, clips that share only a part,
+long holds of unequal length; and every cycle method with either warp."""
 
 from dataclasses import replace
 
@@ -21,24 +21,19 @@ def one_in_slow_motion() -> tuple[list[np.ndarray], list[np.ndarray]]:
     return phases, [estimated(p, rng) for p in phases]
 
 
-@pytest.mark.parametrize(("max_rate", "reference"), [(4.0, 0), (np.inf, 1)])
-def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int) -> None:
+@pytest.mark.parametrize(("max_rate", "reference"), [(4.0, None), (np.inf, 1)])
+def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int | None) -> None:
+    """Beyond the largest rate it is no reference, unless it was given as such."""
     phases, poses = one_in_slow_motion()
     params = replace(PARAMS, max_rate=max_rate)
     result = run(poses, params, reference=reference, fps=[SLOW_FPS] * 3)
-    assert error_s(phases, result.reference_frame, reference).mean() < 0.06
-    other = 1 - reference
+    assert (result.reference == 1) == (reference == 1)
+    assert error_s(phases, result.reference_frame, result.reference).mean() < 0.06
+    other = 0 if reference == 1 else 1
     f = result.reference_frame[other]
     rate = np.polyfit(np.flatnonzero(np.isfinite(f)), f[np.isfinite(f)], 1)[0]
     assert rate == pytest.approx(0.25 if other == 1 else 4.0, rel=0.1)
     assert result.screening.outliers == ()
-
-
-def test_slow_motion_does_not_make_a_reference_beyond_the_largest_rate() -> None:
-    phases, poses = one_in_slow_motion()
-    result = run(poses, replace(PARAMS, max_rate=4.0), fps=[SLOW_FPS] * 3)
-    assert result.reference != 1
-    assert error_s(phases, result.reference_frame, result.reference).mean() < 0.06
 
 
 def test_three_frame_rates_give_one_axis_in_seconds() -> None:
@@ -49,21 +44,6 @@ def test_three_frame_rates_give_one_axis_in_seconds() -> None:
     assert error_s(phases, result.reference_frame, 1).mean() < 0.04
     for p, phase in zip(phases, result.phase, strict=True):
         assert np.abs(phase - (p - phases[1][0])).mean() < 0.06
-
-
-def test_a_frozen_picture_stays_where_it_is_and_the_rest_is_as_without_it() -> None:
-    rng = np.random.default_rng(22)
-    phase = np.linspace(0.5, 4.5, 120)
-    other = estimated(np.linspace(0.4, 4.6, 126), rng)
-    poses = estimated(phase, rng)
-    plain = run([other, poses], reference=0).reference_frame[1]
-    frozen = np.concatenate([poses[:60], np.repeat(poses[60:61], 20, axis=0), poses[60:]])
-    frames = run([other, frozen], reference=0).reference_frame[1]
-    assert np.abs(frames[:55] - plain[:55]).mean() < 1.0
-    assert np.abs(frames[85:] - plain[65:]).mean() < 1.0
-    assert (np.diff(frames) >= 0).all()
-    assert frames[80] - frames[60] < 0.5 * 20
-    assert np.abs(frames[60:80] - plain[60]).max() < 6.0
 
 
 def test_frames_shown_twice_share_their_place() -> None:

@@ -21,6 +21,7 @@ from imocap_core.sync.repetition import (
 from imocap_core.synthetic.choreography import PhaseSpan, pace
 
 Array = NDArray[np.float64]
+LONG = pytest.mark.long
 
 FPS = 30.0
 JOINTS = 14
@@ -75,7 +76,10 @@ def _find(poses: Array) -> Repetitions:
     return find_repetitions(poses, FPS, RepetitionParams())
 
 
-@pytest.mark.parametrize(("count", "pause_s"), [(2, 0.0), (2, 1.0), (3, 1.0), (5, 0.0)])
+@pytest.mark.parametrize(
+    ("count", "pause_s"),
+    [(2, 0.0), pytest.param(2, 1.0, marks=LONG), (3, 1.0), pytest.param(5, 0.0, marks=LONG)],
+)
 def test_number_is_exact_and_cuts_are_near(count: int, pause_s: float) -> None:
     for seed in range(2):
         rng = np.random.default_rng([seed, count])
@@ -106,12 +110,12 @@ def test_a_periodic_motion_is_cut_at_one_phase() -> None:
     assert np.abs(lengths[1:-1] - 1).max() < 0.1
 
 
-def test_a_clip_without_repetition_is_left_whole() -> None:
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        repetitions = _find(_unsure(_wandering(300, rng), rng))
-        assert repetitions.spans == ((0, 300),)
-        assert repetitions.status.startswith("no repetitions")
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=LONG) for seed in (1, 2))])
+def test_a_clip_without_repetition_is_left_whole(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    repetitions = _find(_unsure(_wandering(300, rng), rng))
+    assert repetitions.spans == ((0, 300),)
+    assert repetitions.status.startswith("no repetitions")
 
 
 def test_other_motion_between_repetitions_belongs_to_none() -> None:
@@ -126,8 +130,9 @@ def test_other_motion_between_repetitions_belongs_to_none() -> None:
 
 def test_view_size_and_still_ends_change_nothing() -> None:
     rng = np.random.default_rng(6)
-    poses, _ = _repeated(_from_rest_to_rest(75, rng), 3, 0.5, rng)
+    poses, _ = _repeated(_from_rest_to_rest(75, rng), 2, 0.5, rng)
     repetitions = _find(poses)
+    assert len(repetitions.spans) == 2
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
     assert _find(2.5 * poses @ turn.T + [3.0, -1.0, 7.0]).spans == repetitions.spans
@@ -216,24 +221,22 @@ def _clip(name: str) -> np.ndarray:
     return relative
 
 
-def _repetitions(poses: np.ndarray) -> Repetitions:
-    return find_repetitions(poses, FPS, RepetitionParams())
-
-
 @captured
 @pytest.mark.parametrize(("walk", "strides"), [("06_01", 3), ("12_02", 4), ("12_03", 3)])
 def test_strides_of_a_walk_are_counted(walk: str, strides: int) -> None:
-    assert len(_repetitions(_clip(walk)).spans) == strides
+    assert len(_find(_clip(walk)).spans) == strides
 
 
 @captured
-@pytest.mark.parametrize("dance", ["05_04", "05_13", "13_15"])
+@pytest.mark.parametrize(
+    "dance", ["05_04", *(pytest.param(dance, marks=LONG) for dance in ("05_13", "13_15"))]
+)
 def test_nothing_repeats_in_a_dance(dance: str) -> None:
-    assert len(_repetitions(_clip(dance)).spans) == 1
+    assert len(_find(_clip(dance)).spans) == 1
 
 
 @captured
-@pytest.mark.parametrize("action", ["05_03", "06_14"])
+@pytest.mark.parametrize("action", ["05_03", pytest.param("06_14", marks=LONG)])
 def test_performances_in_a_row_are_counted_and_cut(action: str) -> None:
     rng = np.random.default_rng(int(action[-2:]))
     once = _clip(action)
@@ -245,7 +248,7 @@ def test_performances_in_a_row_are_counted_and_cut(action: str) -> None:
         share = (phase - low)[:, None, None]
         parts.append((1 - share) * once[low] + share * once[low + 1])
         phases.append(phase / (len(once) - 1))
-    repetitions = _repetitions(np.concatenate(parts))
+    repetitions = _find(np.concatenate(parts))
     assert len(repetitions.spans) == 3, repetitions.status
     phase_of = np.concatenate([phase + k for k, phase in enumerate(phases)])
     cuts = np.array([(phase_of[first], phase_of[stop - 1]) for first, stop in repetitions.spans])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import SyncResult
+from imocap_core.sync import SyncEvidence, SyncResult, screened
 from imocap_core.sync.screening.decisions import find_outliers, outlier_scores
 from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirrored_poses, signs_of
-from imocap_core.sync.screening.screening import sentences
+from imocap_core.sync.screening.screening import Screening, sentences
 from tests.sync.test_synchronise import FOUR_FPS, PARAMS, estimated, four_phases, run
 
 EQUAL = np.full((4, 4), 0.05)  # persistent differences, metres, by which no video stands out
@@ -22,6 +22,11 @@ SCREENED = replace(PARAMS, consensus_rounds=0)  # maps are refined after the scr
 
 def run_four(poses: list[np.ndarray], params: SyncParams = SCREENED, **given) -> SyncResult:
     return run(poses, params, fps=[FOUR_FPS] * len(poses), **given)
+
+
+def judged(poses: list[np.ndarray], params: SyncParams = SCREENED, **given: object) -> Screening:
+    """The screening alone, as `synchronise` does it before it matches anything."""
+    return screened(SyncEvidence(poses, [FOUR_FPS] * len(poses), **given), params)
 
 
 def four_videos(seed: int) -> list[np.ndarray]:
@@ -69,27 +74,27 @@ def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(whe
 def test_the_switch_reports_or_ignores() -> None:
     rng = np.random.default_rng(12)
     poses = [*(estimated(p, rng) for p in four_phases()), stranger(rng)]
-    reported = run_four(poses, replace(SCREENED, outliers="report"))
-    assert reported.screening.outliers == (4,)
-    assert reported.screening.excluded == ()
-    ignored = run_four(poses, replace(SCREENED, outliers="ignore"))
-    assert ignored.screening.outliers == ()
-    assert "used nevertheless" in " ".join(sentences(reported.screening, "abcde"))
-    assert sentences(ignored.screening, "abcde") == []
+    reported = judged(poses, replace(SCREENED, outliers="report"))
+    assert reported.outliers == (4,)
+    assert reported.excluded == ()
+    ignored = judged(poses, replace(SCREENED, outliers="ignore"))
+    assert ignored.outliers == ()
+    assert "used nevertheless" in " ".join(sentences(reported, "abcde"))
+    assert sentences(ignored, "abcde") == []
     with pytest.raises(ValueError, match="outliers: expected one of exclude"):
-        run_four(poses, replace(SCREENED, outliers="drop"))
+        judged(poses, replace(SCREENED, outliers="drop"))
 
 
 def test_a_reference_that_was_given_stays() -> None:
     rng = np.random.default_rng(12)
     poses = [stranger(rng), *(estimated(p, rng) for p in four_phases())]
-    assert run_four(poses, reference=0).screening.excluded == ()
+    assert judged(poses, reference=0).excluded == ()
 
 
 def test_no_clean_clip_is_an_outlier_or_mirrored() -> None:
-    for result in (of_genuine_videos(), run_four(four_videos(100), twins=TWINS)):
-        assert result.screening.outliers == ()
-        assert result.screening.mirrored == ()
+    for screening in (of_genuine_videos().screening, judged(four_videos(100), twins=TWINS)):
+        assert screening.outliers == ()
+        assert screening.mirrored == ()
 
 
 def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored() -> None:
@@ -106,32 +111,31 @@ def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored() -> Non
 def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
     poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
-    result = run_four(poses, replace(SCREENED, mirrored="report"), twins=TWINS)
-    assert result.screening.mirrored == (2,)
-    assert result.screening.flipped == ()
-    assert result.screening.outliers == ()
-    assert "left as it is" in sentences(result.screening, "abcd")[0]
+    screening = judged(poses, replace(SCREENED, mirrored="report"), twins=TWINS)
+    assert screening.mirrored == (2,)
+    assert screening.flipped == ()
+    assert screening.outliers == ()
+    assert "left as it is" in sentences(screening, "abcd")[0]
 
 
 def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("imocap_core.sync.screening.pose_evidence.CLEAR_MARGIN", 10.0)
     poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
-    result = run_four(poses, twins=TWINS)
-    assert result.screening.mirrored == (2,)
-    assert result.screening.flipped == ()
-    assert "mirrored: true in action.yaml" in sentences(result.screening, "abcd")[0]
+    screening = judged(poses, twins=TWINS)
+    assert screening.mirrored == (2,)
+    assert screening.flipped == ()
+    assert "mirrored: true in action.yaml" in sentences(screening, "abcd")[0]
 
 
 def test_what_the_user_declares_overrides_the_evidence() -> None:
     poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
-    declared = run_four(poses, twins=TWINS, mirrored=[None, None, True, None])
-    assert declared.screening.flipped == (2,)
-    denied = run_four(
-        poses, replace(SCREENED, outliers="ignore"), twins=TWINS, mirrored=[None, None, False, None]
-    )
-    assert 2 not in denied.screening.flipped
+    declared = judged(poses, twins=TWINS, mirrored=[None, None, True, None])
+    assert declared.flipped == (2,)
+    ignoring = replace(SCREENED, outliers="ignore")
+    denied = judged(poses, ignoring, twins=TWINS, mirrored=[None, None, False, None])
+    assert 2 not in denied.flipped
     with pytest.raises(ValueError, match="twins"):
         run_four(poses, mirrored=[None, None, True, None])
 
@@ -139,7 +143,7 @@ def test_what_the_user_declares_overrides_the_evidence() -> None:
 def test_of_two_videos_the_second_is_the_mirrored_one() -> None:
     poses = four_videos(14)[:2]
     poses[0] = mirrored_poses(poses[0], TWINS)
-    assert run_four(poses, twins=TWINS).screening.flipped == (1,)
+    assert judged(poses, twins=TWINS).flipped == (1,)
 
 
 def test_signs_are_solved_together_and_the_smaller_side_turns() -> None:
@@ -183,8 +187,7 @@ def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
     rng = np.random.default_rng(15)
     phases = four_phases()
     poses = [estimated(p, rng, 0.15 if v == 1 else 0.03) for v, p in enumerate(phases)]
-    result = run_four(poses)
-    assert result.screening.outliers == ()
+    assert judged(poses).outliers == ()
     residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
     residuals[1] = residuals[:, 1] = 1.5
     assert find_outliers(residuals, gains, EQUAL)[0] == [1]
@@ -225,4 +228,4 @@ def test_walks_that_begin_with_the_other_foot_are_not_mirrored() -> None:
     rng = np.random.default_rng(16)
     swapped = tuple(j + 1 if j % 2 == 0 else j - 1 for j in range(12))
     poses = [walk(start, rng) for start in (0.0, 0.05, 0.5, 0.0)]
-    assert run_four(poses, twins=swapped).screening.mirrored == ()
+    assert judged(poses, twins=swapped).mirrored == ()
