@@ -76,12 +76,14 @@ def further_view(claimed: Uncertainty, sync: SyncSummary) -> str:
 
 def place_of(claimed: Uncertainty, azimuth_deg: float) -> str:
     """Where a camera at this azimuth stands."""
+    plain = {"in front": "the front", "behind": "behind"}
     if claimed.azimuth_from == "performer":
         side = side_of(azimuth_deg)
         beside = f"the performer's {side}"
-        plain = {"in front": "the front", "behind": "behind"}
         return f"from {plain.get(side, beside)}"
-    return f"at {azimuth_deg:.0f} degrees around the performer from the reference camera"
+    # who faces a camera has the left hand on the picture's right
+    in_picture = side_of(-azimuth_deg)
+    return f"from {plain.get(in_picture, f'the {in_picture}')} as the reference camera sees it"
 
 
 def side_of(azimuth_deg: float) -> str:

@@ -183,7 +183,12 @@ def test_a_side_is_named_only_where_one_stands_out(made: Made) -> None:
     one_side = views(made, [0.0] * 3, {0.0: 0.1, 180.0: 0.36})
     assert "from behind" in further_view(one_side, made.refined.sync)
     by_camera = one_side.model_copy(update={"azimuth_from": "camera"})
-    assert "180 degrees around the performer" in further_view(by_camera, made.refined.sync)
+    assert "from behind as the reference camera sees it" in further_view(
+        by_camera, made.refined.sync
+    )
+    right = views(made, [0.0] * 3, {0.0: 0.1, 90.0: 0.36})  # the left hand of who faces the camera
+    right = right.model_copy(update={"azimuth_from": "camera"})
+    assert "from the right as the reference camera" in further_view(right, made.refined.sync)
 
 
 def test_sides_are_named_as_the_performer_sees_them() -> None:
