@@ -1,9 +1,10 @@
 """Settings shared by the whole suite."""
 
 import gc
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jaxtyping
 import pytest
@@ -109,6 +110,24 @@ def made() -> "Made":
     from tests.report.made import Made
 
     return Made()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ground_once() -> Iterator[None]:
+    """The ground under the made motions, half a second, is not estimated at each reading."""
+    from imocap_core.result import video_motion
+
+    estimate, known = video_motion.estimate_ground, dict[bytes, Any]()
+
+    def remembered(*arguments: Any) -> Any:
+        key = pickle.dumps(arguments)
+        if key not in known:
+            known[key] = estimate(*arguments)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(video_motion, "estimate_ground", remembered)
+        yield
 
 
 @pytest.fixture

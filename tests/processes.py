@@ -1,9 +1,11 @@
 """Processes that nobody waits for (Linux), and what they import."""
 
+import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -24,6 +26,17 @@ def plant(folder: Path, *modules: str) -> Path:
             f"open({str(trace)!r}, 'w')\nraise SystemExit(3)"
         )
     return trace
+
+
+def forked(work: Callable[..., None], *arguments: object) -> int:
+    """The exit code of a copy of this process: what a new one imports for seconds, it has."""
+    process = multiprocessing.get_context("fork").Process(target=work, args=arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # later Pythons warn of threads, which a copy lacks
+        process.start()
+    process.join(300)
+    assert process.exitcode is not None, "it goes on"
+    return process.exitcode
 
 
 def is_running(process: int) -> bool:

@@ -18,6 +18,7 @@ CALLS = 2  # of each function, in each test
 checked = beartype(conf=BeartypeConf(is_pep484_tower=True))  # takes an int where a float is asked
 _every_call = jaxtyping.jaxtyped
 _test = 0  # number of the test that runs
+_calls: dict[int, list[int]] = {}  # test, calls left; of a code, which a function's copies share
 
 
 def check_annotations(modules: Sequence[str]) -> None:
@@ -36,35 +37,32 @@ def _first_calls(fn: Any = None, *, typechecker: Any) -> Any:
     """`jaxtyping.jaxtyped` for the first calls of each test."""
     if fn is None:
         return functools.partial(_first_calls, typechecker=typechecker)
-    if inspect.isclass(fn) and dataclasses.is_dataclass(fn):
-        plain = fn.__init__
-        _every_call(fn, typechecker=typechecker)
-        if fn.__init__ is not plain:
-            fn.__init__ = _sampled(plain, fn.__init__)
+    first_calls = functools.partial(_first_calls, typechecker=typechecker)
+    if inspect.isclass(fn):
+        if dataclasses.is_dataclass(fn) and "__init__" in vars(fn):
+            fn.__init__ = first_calls(fn.__init__)
         return fn
+    if isinstance(fn, classmethod | staticmethod):
+        return type(fn)(first_calls(fn.__func__))
+    if isinstance(fn, property):
+        return property(*(f and first_calls(f) for f in (fn.fget, fn.fset, fn.fdel)))
     if not inspect.isfunction(fn):
         return _every_call(fn, typechecker=typechecker)
+    if hasattr(fn, "first_calls"):  # by the decorator of its class, too
+        return fn
+    calls = _calls.setdefault(id(fn.__code__), [-1, 0])
     always: Callable[..., Any] | None = None
 
-    def checked_call(*args: Any, **kwargs: Any) -> Any:
+    @functools.wraps(fn)
+    def call(*args: Any, **kwargs: Any) -> Any:
         nonlocal always  # made at the first call: most functions of a room are not called
+        if calls[0] != _test:
+            calls[:] = _test, CALLS
+        if calls[1] <= 0:
+            return fn(*args, **kwargs)
+        calls[1] -= 1
         always = always or _every_call(fn, typechecker=typechecker)
         return always(*args, **kwargs)
 
-    return _sampled(fn, checked_call)
-
-
-def _sampled(plain: Callable[..., Any], always: Callable[..., Any]) -> Callable[..., Any]:
-    test, left = -1, 0
-
-    @functools.wraps(plain)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal test, left
-        if test != _test:
-            test, left = _test, CALLS
-        if left > 0:
-            left -= 1
-            return always(*args, **kwargs)
-        return plain(*args, **kwargs)
-
+    call.first_calls = True  # type: ignore[attr-defined]
     return call

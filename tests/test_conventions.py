@@ -4,16 +4,11 @@ import pytest
 
 from imocap_core import conventions as c
 
-TREES = [
-    (c.SMPL_JOINTS, c.SMPL_PARENTS, 24),
-    (c.SMPLH_JOINTS, c.SMPLH_PARENTS, 52),
-]
+TREES = [(c.SMPL_JOINTS, c.SMPL_PARENTS, 24), (c.SMPLH_JOINTS, c.SMPLH_PARENTS, 52)]
 
 
 @pytest.mark.parametrize(("names", "parents", "count"), TREES)
-def test_trees_are_complete_ordered_and_symmetric(
-    names: tuple[str, ...], parents: tuple[int, ...], count: int
-) -> None:
+def test_trees_are_complete_ordered_and_symmetric(names, parents, count):
     assert len(names) == len(parents) == len(set(names)) == count
     assert parents[0] == -1
     assert all(0 <= parent < joint for joint, parent in enumerate(parents) if joint)

@@ -28,9 +28,7 @@ def test_a_place_and_a_remedy(number: int, words: str, name: str | None) -> None
     assert (name or str(Path.cwd())) in sentence
 
 
-def test_a_full_disk_names_the_file_that_was_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_names_the_file_that_was_written(tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 

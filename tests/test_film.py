@@ -85,9 +85,7 @@ def test_a_broken_video_is_named(made: Made, tmp_path: Path) -> None:
         write_films(films, tmp_path / "out", lambda film, done: None)
 
 
-def test_the_commands_say_where_things_are_or_what_is_wrong(
-    made: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_commands_say_where_things_are_or_what_is_wrong(made, tmp_path, capsys):
     job = stored_job(tmp_path, made)
     out = tmp_path / "films"
     words = ["video", NAME, "--root", str(tmp_path), "--kind", "side-by-side", "--out", str(out)]

@@ -23,9 +23,7 @@ def test_workers_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cores() == 5
 
 
-def test_systems_that_do_not_tell_what_a_process_may_use_let_it_use_all(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_systems_that_do_not_tell_what_a_process_may_use_let_it_use_all(monkeypatch):
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.setattr(os, "cpu_count", lambda: 7)
     assert cores() == 7

@@ -15,12 +15,7 @@ def sync() -> Sync:
         SyncMap(id="b", reference_frame=np.array([0.5, np.nan]), confidence=np.array([0.9, 0.0])),
     ]
     return Sync(
-        reference="a",
-        ids=["a", "b"],
-        lengths=[3, 2],
-        maps=maps,
-        method="softmap",
-        centrality=np.array([1.0, float("inf")]),
-        status="1 frame of b is unmatched",
+        reference="a", ids=["a", "b"], lengths=[3, 2], maps=maps, method="softmap",
+        centrality=np.array([1.0, float("inf")]), status="1 frame of b is unmatched",
         **stored_matrix(np.full((5, 5), 0.25), ["a", "b"], [3, 2]),
-    )
+    )  # fmt: skip

@@ -101,9 +101,7 @@ def test_no_noise_is_an_artifact(tmp_path_factory: pytest.TempPathFactory, noise
         codec.read(file)
 
 
-def test_a_small_file_does_not_unpack_to_a_large_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: Content
-) -> None:
+def test_a_small_file_does_not_unpack_to_a_large_one(tmp_path, monkeypatch, content):
     zeros = dataclasses.replace(content, arrays=content.arrays | {"zeros": np.zeros(10**6)})
     file = write(tmp_path / "small.mcap", zeros)
     assert file.stat().st_size < 10**5
@@ -113,9 +111,7 @@ def test_a_small_file_does_not_unpack_to_a_large_one(
         codec.read(file)
 
 
-def test_a_chunk_that_understates_its_size_is_not_believed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: Content
-) -> None:
+def test_a_chunk_that_understates_its_size_is_not_believed(tmp_path, monkeypatch, content):
     zeros = dataclasses.replace(content, arrays={"zeros": np.zeros(10**6)})
     file = write(tmp_path / "small.mcap", zeros)
     monkeypatch.setattr(limits, "MAX_UNPACKED_BYTES", 10**6)
@@ -148,9 +144,7 @@ def test_another_kind_is_refused(content: Content) -> None:
         ("format", "9" * 5000),
     ],
 )
-def test_a_recipe_of_another_form_makes_its_artifact_corrupt(
-    tmp_path: Path, content: Content, part: str, text: str
-) -> None:
+def test_a_recipe_of_another_form_makes_its_artifact_corrupt(tmp_path, content, part, text):
     recipe = {"inputs": "{}", "params": '{"sync": {"rank": 3}}', "seed": "7"}
     codec.read(write(tmp_path / "a.mcap", dataclasses.replace(content, provenance=recipe)))
     damaged = dataclasses.replace(content, provenance={**recipe, part: text})

@@ -9,12 +9,7 @@ import pytest
 
 from imocap_core import limits
 from imocap_core.artifacts import file_memory
-from imocap_core.artifacts.file_memory import (
-    files_below,
-    load_memory,
-    remembered,
-    save_memory,
-)
+from imocap_core.artifacts.file_memory import files_below, load_memory, remembered, save_memory
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.source import content_digest
 
@@ -57,9 +52,7 @@ def written(file: Path, text: str, age: int = 0) -> Path:
     return file
 
 
-def test_an_unchanged_file_is_read_once(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_an_unchanged_file_is_read_once(tmp_path, reader, forget):
     file = written(tmp_path / "a", "one")
     assert [remembered("text", file, reader) for _ in range(3)] == ["one"] * 3
     assert reader.count == 1
@@ -68,27 +61,21 @@ def test_an_unchanged_file_is_read_once(
 
 
 @pytest.mark.parametrize("text", ["two", "longer"])
-def test_a_changed_file_is_read_again(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None], text: str
-) -> None:
+def test_a_changed_file_is_read_again(tmp_path, reader, forget, text):
     file = written(tmp_path / "a", "one")
     remembered("text", file, reader)
     written(file, text, age=1)
     assert remembered("text", file, reader) == text
 
 
-def test_another_file_in_its_place_is_read_though_size_and_time_agree(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_another_file_in_its_place_is_read_though_size_and_time_agree(tmp_path, reader, forget):
     file = written(tmp_path / "a", "one")
     remembered("text", file, reader)
     written(tmp_path / "b", "two").replace(file)
     assert remembered("text", file, reader) == "two"
 
 
-def test_a_file_that_has_just_changed_is_not_remembered(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_a_file_that_has_just_changed_is_not_remembered(tmp_path, reader, forget):
     file = tmp_path / "a"
     file.write_text("one")
     remembered("text", file, reader)
@@ -96,9 +83,7 @@ def test_a_file_that_has_just_changed_is_not_remembered(
     assert reader.count == 2
 
 
-def test_a_folder_changes_with_each_of_its_files(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_a_folder_changes_with_each_of_its_files(tmp_path, reader, forget):
     folder = tmp_path / "folder"
     written(folder / "sub" / "b", "1")
     written(folder / "a", "1")
@@ -113,9 +98,7 @@ def test_a_folder_changes_with_each_of_its_files(
     assert remembered("names", folder, reader) == "a,sub/b,sub/c"
 
 
-def test_the_next_process_remembers(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_the_next_process_remembers(tmp_path, reader, forget):
     store = tmp_path / "artifacts"
     store.mkdir()
     file, lost = written(tmp_path / "a", "one"), written(tmp_path / "b", "gone")
@@ -134,33 +117,25 @@ def test_the_next_process_remembers(
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"made_by": "other", "entries": {}}', '{"a": 1}', 100_000 * "["]
 )
-def test_a_damaged_or_foreign_memory_is_as_none(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None], text: str
-) -> None:
+def test_a_damaged_or_foreign_memory_is_as_none(tmp_path, reader, forget, text):
     written(tmp_path / file_memory.FILE, text)
     load_memory(tmp_path)
     file = written(tmp_path / "a", "one")
     assert remembered("text", file, reader) == "one"
 
 
-def test_nothing_is_made_where_there_is_no_store(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_nothing_is_made_where_there_is_no_store(tmp_path, reader, forget):
     remembered("text", written(tmp_path / "a", "one"), reader)
     save_memory(tmp_path / "artifacts")
     assert not (tmp_path / "artifacts").exists()
 
 
-def test_a_missing_file_is_an_error(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None]
-) -> None:
+def test_a_missing_file_is_an_error(tmp_path, reader, forget):
     with pytest.raises(FileNotFoundError):
         remembered("text", tmp_path / "nowhere", reader)
 
 
-def test_a_full_disk_leaves_no_draft(
-    tmp_path: Path, reader: Reader, forget: Callable[[], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_no_draft(tmp_path, reader, forget, monkeypatch):
     file = tmp_path / "a.txt"
     file.write_text("text")
     os.utime(file, (LONG_AGO_S, LONG_AGO_S))
@@ -178,9 +153,7 @@ def test_a_full_disk_leaves_no_draft(
 
 
 @pytest.mark.parametrize(("limit", "most"), [("MAX_FOLDER_FILES", 3), ("MAX_FOLDER_BYTES", 30)])
-def test_a_folder_of_a_whole_disk_is_no_input(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, most: int
-) -> None:
+def test_a_folder_of_a_whole_disk_is_no_input(tmp_path, monkeypatch, limit, most):
     for name in ("a", "b", "c"):
         (tmp_path / name).write_text(10 * "x")
     monkeypatch.setattr(limits, limit, most)

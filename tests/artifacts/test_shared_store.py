@@ -85,9 +85,7 @@ def test_what_is_published_is_fetched(tmp_path: Path, shared: SharedFiles) -> No
     assert copy.read_bytes() == b"content"
 
 
-def test_a_result_of_one_machine_is_one_of_all(
-    tmp_path: Path, shared: SharedFiles, sync: Sync
-) -> None:
+def test_a_result_of_one_machine_is_one_of_all(tmp_path, shared, sync):
     here, there = machine(tmp_path, shared, "here"), machine(tmp_path, shared, "there")
     assert there.find("yoga", "sync", KEY) is None
     made = put(here, sync, "first")
@@ -98,9 +96,7 @@ def test_a_result_of_one_machine_is_one_of_all(
     assert Store(there.folder).find("yoga", "sync", KEY) is not None  # without the shared store
 
 
-def test_what_is_damaged_or_of_another_key_is_absent_and_made_anew(
-    tmp_path: Path, shared: SharedFiles, sync: Sync
-) -> None:
+def test_what_is_damaged_or_of_another_key_is_absent_and_made_anew(tmp_path, shared, sync):
     here, there = machine(tmp_path, shared, "here"), machine(tmp_path, shared, "there")
     good = put(here, sync, "first").file.read_bytes()
     foreign = here.put("sync", "other", sync, {}, {}).file.read_bytes()
@@ -116,8 +112,8 @@ def test_what_is_damaged_or_of_another_key_is_absent_and_made_anew(
 
 
 def test_of_two_results_under_one_key_the_first_counts_and_that_is_said(
-    tmp_path: Path, shared: SharedFiles, sync: Sync, caplog: pytest.LogCaptureFixture
-) -> None:
+    tmp_path, shared, sync, caplog
+):
     here, there = machine(tmp_path, shared, "here"), machine(tmp_path, shared, "there")
     first = put(here, sync, "first")
     assert not caplog.records
@@ -130,9 +126,7 @@ def test_of_two_results_under_one_key_the_first_counts_and_that_is_said(
     assert "two results under the key kkkkkkkkkkkk differ" in caplog.text
 
 
-def test_a_result_that_is_only_here_is_published_by_the_next_run(
-    tmp_path: Path, shared: SharedFiles, sync: Sync
-) -> None:
+def test_a_result_that_is_only_here_is_published_by_the_next_run(tmp_path, shared, sync):
     alone = Store(tmp_path / "here")
     alone.publish("yoga", "sync", put(alone, sync, "first"))
     alone.cached("sync", KEY).unlink()  # the current one remains
@@ -156,9 +150,7 @@ def test_detections_that_cannot_be_read_are_absent(tmp_path: Path, shared: Share
 
 
 @pytest.mark.usefixtures("impatient")
-def test_an_error_that_passes_is_waited_for_and_said_once(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_error_that_passes_is_waited_for_and_said_once(tmp_path, caplog):
     files = PatientFiles(Flaky(tmp_path, 3, lambda: OSError(errno.EBUSY, "slow down")))
     assert not files.has("inputs/a")
     (record,) = caplog.records
@@ -167,9 +159,7 @@ def test_an_error_that_passes_is_waited_for_and_said_once(
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_store_that_does_not_answer_is_a_sentence_and_may_be_tried_elsewhere(
-    tmp_path: Path,
-) -> None:
+def test_a_store_that_does_not_answer_is_a_sentence_and_may_be_tried_elsewhere(tmp_path):
     files = PatientFiles(Flaky(tmp_path, 10**6, lambda: TimeoutError("no route")))
     with pytest.raises(WorkFailed, match=r"did not answer for 0 s \(no route\).*run again") as info:
         files.has("inputs/a")
@@ -185,18 +175,14 @@ def test_a_store_that_does_not_answer_is_a_sentence_and_may_be_tried_elsewhere(
         (type("NoCredentialsError", (Exception,), {})("Unable"), r"needs credentials \(Unable\)"),
     ],
 )
-def test_where_waiting_does_not_help_the_sentence_comes_at_once(
-    tmp_path: Path, error: Exception, sentence: str
-) -> None:
+def test_where_waiting_does_not_help_the_sentence_comes_at_once(tmp_path, error, sentence):
     flaky = Flaky(tmp_path, 1, lambda: error)
     with pytest.raises(WorkFailed, match=sentence):
         PatientFiles(flaky).has("inputs/a")
     assert flaky.left == 0
 
 
-def test_a_full_disk_of_this_machine_is_its_own(
-    tmp_path: Path, sync: Sync, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_of_this_machine_is_its_own(tmp_path, sync, monkeypatch):
     (tmp_path / "shared").mkdir()
     put(machine(tmp_path, FolderFiles(tmp_path / "shared"), "here"), sync, "first")
 
@@ -289,8 +275,8 @@ def store(name: str) -> SharedFiles:
 
 @needs_s3
 def test_a_server_that_answers_errors_for_a_while_loses_nothing(
-    server: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+    server, tmp_path, monkeypatch, caplog
+):
     monkeypatch.setattr(shared_store, "LONGEST_PAUSE_S", 0.5)
     file, copy = tmp_path / "file", tmp_path / "copy"
     file.write_bytes(b"content" * 10_000)

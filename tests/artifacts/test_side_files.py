@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from imocap_core.artifacts import codec
-from imocap_core.artifacts.schemas import Keypoints, Sync
+from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.artifacts.side_files import check_names, replace_folder
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
@@ -43,9 +43,7 @@ OUTSIDE = (
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
-def test_an_attachment_that_names_another_place_makes_its_artifact_corrupt(
-    name: str, sync: Sync, tmp_path: Path
-) -> None:
+def test_an_attachment_that_names_another_place_makes_its_artifact_corrupt(name, sync, tmp_path):
     packed = codec.pack(sync)
     file = tmp_path / "sync.mcap"
     content = codec.Content(packed.schema, packed.header, packed.arrays, {}, {name: b"planted"})

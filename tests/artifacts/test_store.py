@@ -124,9 +124,7 @@ def test_side_files_become_the_report(store: Store, put: Put) -> None:
     assert [p.name for p in report.parent.iterdir() if p.name.startswith(".report")] == []
 
 
-def test_what_the_program_added_to_the_report_stays_until_the_result_changes(
-    store: Store, put: Put
-) -> None:
+def test_what_the_program_added_to_the_report_stays_until_the_result_changes(store, put):
     report = store.folder / "yoga" / "report"
     put("one", files={"a.csv": b"1"})
     (report / "viewer.html").write_bytes(b"made from one")
@@ -144,9 +142,7 @@ def test_what_the_program_added_to_the_report_stays_until_the_result_changes(
     assert {p.name for p in report.iterdir()} == {"a.csv", RECORD}
 
 
-def test_what_people_put_into_the_report_or_change_there_is_never_lost(
-    store: Store, put: Put
-) -> None:
+def test_what_people_put_into_the_report_or_change_there_is_never_lost(store, put):
     report = store.folder / "yoga" / "report"
     put("one", files={"a.csv": b"1", "figures/b.png": b"1"})
     (report / "notes.txt").write_text("mine")
@@ -164,9 +160,7 @@ def test_what_people_put_into_the_report_or_change_there_is_never_lost(
     assert (report / "figures" / "c.png").read_bytes() == b"mine"
 
 
-def test_a_report_that_cannot_be_replaced_stays(
-    store: Store, put: Put, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_report_that_cannot_be_replaced_stays(store, put, monkeypatch):
     report = store.folder / "yoga" / "report"
     put("one", files={"a.csv": b"1"})
     (report / "notes.txt").write_text("mine")
@@ -231,9 +225,7 @@ def result(key: str, used_s: float, *, size: int = 10, in_use: bool = False) -> 
     return CachedResult(Path(key), "sync", key, size, used_s, in_use, frozenset({"yoga"}))
 
 
-def test_current_artifacts_are_in_use_and_others_are_not(
-    store: Store, publish_at: Callable[[str, str], Path]
-) -> None:
+def test_current_artifacts_are_in_use_and_others_are_not(store, publish_at):
     publish_at("one", "yoga")
     publish_at("two", "yoga")
     publish_at("two", "dance")
@@ -241,9 +233,7 @@ def test_current_artifacts_are_in_use_and_others_are_not(
     assert states == {"one": (False, {"yoga"}), "two": (True, {"yoga", "dance"})}
 
 
-def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(
-    store: Store, publish_at: Callable[[str, str], Path]
-) -> None:
+def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(store, publish_at):
     file = publish_at("one", "yoga")
     os.utime(file, (1000.0, 1000.0))
     assert cached_results(store.folder)[0].used_s == 1000.0
@@ -281,9 +271,7 @@ def test_the_least_recently_used_go_until_the_size_fits() -> None:
     assert [r.key for r in both] == ["a", "b"]
 
 
-def test_an_action_s_results_are_those_that_no_other_has_used(
-    store: Store, publish_at: Callable[[str, str], Path]
-) -> None:
+def test_an_action_s_results_are_those_that_no_other_has_used(store, publish_at):
     for key, action in (("one", "yoga"), ("two", "yoga"), ("two", "dance"), ("three", "dance")):
         publish_at(key, action)
     publish_at("four", "yoga")
@@ -293,9 +281,7 @@ def test_an_action_s_results_are_those_that_no_other_has_used(
     assert [r.key for r in chosen] == ["one"]
 
 
-def test_what_is_removed_is_forgotten_and_can_be_made_again(
-    store: Store, publish_at: Callable[[str, str], Path]
-) -> None:
+def test_what_is_removed_is_forgotten_and_can_be_made_again(store, publish_at):
     old = publish_at("one", "yoga")
     publish_at("two", "yoga")
     remove(store.folder, [old])
@@ -305,9 +291,7 @@ def test_what_is_removed_is_forgotten_and_can_be_made_again(
     assert publish_at("one", "yoga").exists()
 
 
-def test_leftovers_are_unfinished_files_and_folders(
-    store: Store, publish_at: Callable[[str, str], Path]
-) -> None:
+def test_leftovers_are_unfinished_files_and_folders(store, publish_at):
     publish_at("one", "yoga")
     assert leftovers(store.folder) == []
     for name in (".cache/sync/.abc.part", "yoga/.sync.mcap.12.part"):
@@ -337,9 +321,7 @@ def abandoned_draft(folder: Path, kind: str = "draft_of(folder / 'one.mcap')") -
     return Path(subprocess.run(line, capture_output=True, text=True, check=False).stdout.strip())
 
 
-def test_folders_that_another_run_removes_meanwhile_are_no_fault(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folders_that_another_run_removes_meanwhile_are_no_fault(store, monkeypatch):
     draft = store.folder / "walk" / ".stage-ept0sdc2"
     draft.mkdir(parents=True)
     scandir = os.scandir
@@ -401,9 +383,7 @@ def test_nothing_behind_a_link_is_a_leftover(store: Store, tmp_path: Path, place
     assert not (link.parent / ".mine.part").exists() or place == "other"
 
 
-def test_a_record_of_use_may_be_damaged(
-    store: Store, publish_at: Callable[[str, str], Path]
-) -> None:
+def test_a_record_of_use_may_be_damaged(store, publish_at):
     file = publish_at("one", "yoga")
     (store.folder / ".cache/.used/yoga").write_bytes(b"\xff\xfe\n")
     assert [r.file for r in cached_results(store.folder)] == [file]

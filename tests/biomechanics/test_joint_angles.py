@@ -88,9 +88,7 @@ def test_the_rest_pose_is_a_t_pose_with_palms_down() -> None:
         ("wrist", FORWARD, "wrist_flexion"),  # palms down: fingers go down
     ],
 )
-def test_a_turn_about_one_axis_is_that_angle_on_either_side(
-    joint: str, axis: Float[np.ndarray, " 3"], angle: str
-) -> None:
+def test_a_turn_about_one_axis_is_that_angle_on_either_side(joint, axis, angle):
     right = changes(pose(**{f"right_{joint}": 40 * axis}))
     mirrored = -(MIRROR @ axis)  # an axis of rotation is a pseudovector
     left = changes(pose(**{f"left_{joint}": 40 * mirrored}))

@@ -9,10 +9,7 @@ from imocap_core.body import load_free_body
 
 BODY = load_free_body()
 VERTICES = marker_vertices(
-    BODY.v_template.numpy(),
-    BODY.weights.numpy(),
-    BODY.joints_template.numpy(),
-    BODY.joint_names,
+    BODY.v_template.numpy(), BODY.weights.numpy(), BODY.joints_template.numpy(), BODY.joint_names
 )
 
 

@@ -4,8 +4,6 @@ import http.client
 import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -151,18 +149,21 @@ def test_one_bad_video_is_named_and_the_others_are_listed(tmp_path: Path) -> Non
         people_of(Action(tmp_path, "made", bad[2:]), PARAMS)
 
 
-def press_done(address: str) -> None:
+def end(address: str, by_signal: bool) -> None:
+    """As somebody does who presses Done, or Ctrl-C while the page is there."""
     parts = urlsplit(address)
     connection = http.client.HTTPConnection(parts.netloc, timeout=30)
     headers = {"Origin": f"http://{parts.netloc}", "Content-Type": "application/json"}
-    connection.request("POST", f"{parts.path}done", json.dumps({}), headers)
+    words = ("GET", parts.path) if by_signal else ("POST", f"{parts.path}done", "{}", headers)
+    connection.request(*words)
     assert connection.getresponse().status == 200
     connection.close()
+    if by_signal:
+        os.kill(os.getpid(), signal.SIGINT)
 
 
-def test_a_new_action_is_served_until_done(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("by_signal", [False, True])
+def test_a_new_action_is_served_until_done_or_ctrl_c(tmp_path, capsys, monkeypatch, by_signal):
     videos = [tmp_path / f"{name}.mp4" for name in ("a", "b")]
     for video in videos:
         write_h264(video, [picture(t, 0, False) for t in range(5)], 20.0)
@@ -170,7 +171,7 @@ def test_a_new_action_is_served_until_done(
 
     def open_in_browser(address: str) -> bool:
         opened.append(address)
-        threading.Thread(target=press_done, args=(address,)).start()
+        threading.Thread(target=end, args=(address, by_signal)).start()
         return True
 
     monkeypatch.setattr("webbrowser.open", open_in_browser)
@@ -185,28 +186,10 @@ def test_a_new_action_is_served_until_done(
     assert (tmp_path / "actions" / "made" / "action.yaml").is_file()
 
 
-def test_an_action_that_does_not_exist_is_a_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_action_that_does_not_exist_is_a_sentence(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert main(["--root", str(tmp_path), "pick", "nowhere", "--no-open"]) == 2
     assert "no action 'nowhere'" in capsys.readouterr().err
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_ctrl_c_ends_it_as_done_does(tmp_path: Path) -> None:
-    write_h264(tmp_path / "a.mp4", [picture(t, 0, False) for t in range(5)], 20.0)
-    line = [sys.executable, "-c", "from imocap_core.cli import main; raise SystemExit(main())"]
-    words = ["--root", str(tmp_path), "pick", "made", str(tmp_path / "a.mp4"), "--no-open"]
-    with subprocess.Popen([*line, *words], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        while not process.stdout.readline().startswith("Pick at http://127.0.0.1:"):
-            pass
-        process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        rest = process.stdout.read()
-    assert process.returncode == 0
-    assert "Next: imocap run made" in rest
 
 
 @pytest.fixture
@@ -345,9 +328,7 @@ def test_without_a_limit_nothing_is_looked_at(monkeypatch: pytest.MonkeyPatch) -
     assert cleaning.keep_cache_within_limit(Path("no such folder")) == []
 
 
-def test_a_run_keeps_the_cache_within_its_limit(
-    used: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_keeps_the_cache_within_its_limit(used, capsys, monkeypatch):
     monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "0")
     assert used.imocap(["run", "toy"]) == 0
     every = len(list((used.root / "artifacts" / ".cache").glob("*/*.mcap")))

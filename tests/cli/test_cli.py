@@ -105,9 +105,7 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
     assert "exists already" in capsys.readouterr().err
 
 
-def test_a_full_disk_leaves_no_declaration(
-    toy: Toy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_a_full_disk_leaves_no_declaration(toy, tmp_path, monkeypatch, capsys):
     clip, folder = write_video(tmp_path / "a.mp4"), toy.root / "actions" / "mine"
     elsewhere = tmp_path / "elsewhere"
     folder.mkdir(parents=True)
@@ -168,9 +166,7 @@ def test_a_terminal_without_the_characters_gets_others(toy: Toy, tmp_path: Path)
     assert done.stderr == b""
 
 
-def test_many_files_that_are_no_videos_take_one_line(
-    toy: Toy, capsys: Capture, tmp_path: Path
-) -> None:
+def test_many_files_that_are_no_videos_take_one_line(toy, capsys, tmp_path):
     folder = tmp_path / "clips"
     folder.mkdir()
     write_video(folder / "a.mp4")
@@ -299,9 +295,7 @@ def test_root_may_stand_anywhere() -> None:
     assert hoisted(["run", "yoga", "--root"]) == (["--root"], ["run", "yoga"])
 
 
-def test_doctor_reads_the_body_models_it_finds(
-    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_doctor_reads_the_body_models_it_finds(toy, capsys, monkeypatch, tmp_path):
     monkeypatch.delenv("IMOCAP_MODELS", raising=False)
     assert toy.imocap(["doctor"]) == 0
     message = capsys.readouterr().out

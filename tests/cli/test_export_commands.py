@@ -56,9 +56,7 @@ def test_export_names_its_files(imocap: Callable[..., Said], tmp_path: Path) -> 
     assert message.splitlines() == [str(out / name) for name in names]
 
 
-def test_an_export_names_the_run_that_it_is_of(
-    imocap: Callable[..., Said], made: Made, tmp_path: Path
-) -> None:
+def test_an_export_names_the_run_that_it_is_of(imocap, made, tmp_path):
     assert imocap("export", "walk", "--out", str(tmp_path / "there"))[0] == 0
     run = json.loads((tmp_path / "there" / "export_npz.json").read_text())["run"]
     motion = made.store.load("walk", "refine_sync")
@@ -68,9 +66,7 @@ def test_an_export_names_the_run_that_it_is_of(
     assert run["params"]["refine"]["max_rounds"] == RefineParams().max_rounds
 
 
-def test_an_export_of_edited_keypoints_is_refused(
-    imocap: Callable[..., Said], tmp_path: Path
-) -> None:
+def test_an_export_of_edited_keypoints_is_refused(imocap, tmp_path):
     (tmp_path / "actions" / "walk" / "a").write_text("edited")
     code, _, message = imocap("export", "walk", "--out", str(tmp_path / "there"))
     assert (code, message.count("\n")) == (1, 1)
@@ -79,9 +75,7 @@ def test_an_export_of_edited_keypoints_is_refused(
     assert not (tmp_path / "there").exists()
 
 
-def test_an_export_replaces_nothing_but_an_older_one_of_its_kind(
-    imocap: Callable[..., Said], tmp_path: Path
-) -> None:
+def test_an_export_replaces_nothing_but_an_older_one_of_its_kind(imocap, tmp_path):
     inputs = tmp_path / "actions" / "walk"
     np.savez(inputs / "a.npz", keypoints=np.zeros(3))
     before = {p.name: p.read_bytes() for p in inputs.iterdir()}
@@ -128,9 +122,7 @@ def test_export_says_what_can_not_be(imocap: Callable[..., Said], tmp_path: Path
     assert "cannot write to" in message
 
 
-def test_an_artifact_of_another_version_is_one_sentence(
-    imocap: Callable[..., Said], made: Made, tmp_path: Path
-) -> None:
+def test_an_artifact_of_another_version_is_one_sentence(imocap, made, tmp_path):
     publish(tmp_path, "walk", "hands", CameraMotion(videos=[]))  # not what its name says
     code, _, message = imocap("export", "walk", "--out", str(tmp_path / "there"))
     assert (code, message.count("\n")) == (1, 1)

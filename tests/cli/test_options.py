@@ -26,8 +26,8 @@ def with_cards(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
 
 @pytest.mark.parametrize("command", [["run"], ["stage", "scale"], ["run-all"]])
 def test_a_device_that_is_not_there_is_a_sentence_before_anything_runs(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: Capture, command: list[str]
-) -> None:
+    toy, monkeypatch, capsys, command
+):
     with_cards(monkeypatch, 0)
     assert toy.imocap([*command, "toy", "--device", "cuda"]) == 2
     message = capsys.readouterr().err
@@ -38,18 +38,14 @@ def test_a_device_that_is_not_there_is_a_sentence_before_anything_runs(
     assert toy.ran() == []
 
 
-def test_the_number_of_a_device_must_be_there(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_the_number_of_a_device_must_be_there(toy, monkeypatch, capsys):
     with_cards(monkeypatch, 2)
     assert toy.imocap(["run", "toy", "--device", "cuda:2"]) == 2
     assert "PyTorch finds CUDA devices cuda:0 to cuda:1 here" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [["run"], ["run-all", "--executor", "serial"]])
-def test_results_are_not_made_again_for_another_device(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch, command: list[str]
-) -> None:
+def test_results_are_not_made_again_for_another_device(toy, monkeypatch, command):
     with_cards(monkeypatch, 2)
     monkeypatch.setenv("IMOCAP_DEVICE", "cuda:1")
     assert toy.imocap([*command, "toy"]) == 0
@@ -79,9 +75,7 @@ def published(store: Path) -> list[str]:
     return sorted(file.parent.name for file in store.glob("results/*/*.mcap"))
 
 
-def test_a_result_of_the_store_is_not_made_again(
-    toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_a_result_of_the_store_is_not_made_again(toy, store, monkeypatch, capsys):
     assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
     assert toy.ran() == STAGES
     assert published(store) == sorted(STAGES)
@@ -100,14 +94,7 @@ def test_a_result_of_the_store_is_not_made_again(
         assert (toy.root / "artifacts/toy/report/index.md").is_file()
 
 
-def test_several_processes_of_one_machine_publish_what_they_make(toy: Toy, store: Path) -> None:
-    assert toy.imocap(["run-all", "toy", "--workers", "2", "--store", str(store)]) == 0
-    assert published(store) == sorted(STAGES)
-
-
-def test_a_run_goes_on_where_the_store_refused_it(
-    toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_a_run_goes_on_where_the_store_refused_it(toy, store, monkeypatch, capsys):
     monkeypatch.setattr(shared_store, "FIRST_PAUSE_S", 0.01)
     monkeypatch.setattr(shared_store, "PATIENCE_S", 0.1)
 
@@ -130,8 +117,8 @@ def test_a_run_goes_on_where_the_store_refused_it(
 
 
 def test_a_disk_that_is_full_while_a_result_is_fetched_is_a_sentence(
-    toy: Toy, store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+    toy, store, monkeypatch, capsys
+):
     assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
     forget(toy)
     toy.ran()
@@ -188,9 +175,7 @@ def test_run(toy: Toy, capsys: Capture) -> None:
     assert [again[name] for name in ("trusted", "sync", "cameras", "verdict")] == [None] * 4
 
 
-def test_a_run_that_fails_leaves_the_standard_output_empty(
-    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_fails_leaves_the_standard_output_empty(toy, capsys, monkeypatch):
     monkeypatch.setenv("TOY_SCALE", "bad")
     assert toy.imocap(["run", "toy", "--json"]) == 1
     shown = capsys.readouterr()
@@ -209,9 +194,7 @@ def test_explain(toy: Toy, capsys: Capture) -> None:
     assert after["params"]["sync"]["method"] == "softmap"
 
 
-def test_doctor_reports_a_fault_in_its_exit_code_too(
-    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_doctor_reports_a_fault_in_its_exit_code_too(toy, capsys, monkeypatch):
     monkeypatch.delenv("IMOCAP_MODELS", raising=False)
     good = document(toy, capsys, "doctor")
     assert good["ok"] is True

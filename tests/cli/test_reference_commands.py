@@ -68,9 +68,7 @@ def commands() -> dict[str, Any]:
     return dict(group.commands)  # type: ignore[attr-defined]
 
 
-def test_commands_are_listed_in_the_order_in_which_people_need_them(
-    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_commands_are_listed_in_the_order_in_which_people_need_them(toy, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert tuple(commands()) == ORDER
     assert toy.imocap(["-h"]) == 0
@@ -105,21 +103,19 @@ def test_the_command_line_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def completions(toy: Toy, line: str) -> list[str]:
-    """What bash is offered for a line that ends at the cursor."""
-    words = line.split(" ")
-    done = toy.apart(
-        _IMOCAP_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(words) - 1)
-    )
-    return done.stdout.split()
-
-
-def test_the_shell_completes_commands_actions_stages_and_groups(toy: Toy) -> None:
-    assert completions(toy, "imocap st") == ["status", "stage"]
-    assert completions(toy, f"imocap --root {toy.root} run t") == ["taichi", "toy"]
-    assert completions(toy, f"imocap --root {toy.root} stage s") == ["scale"]
-    assert completions(toy, "imocap params sy") == ["sync"]
-    assert completions(toy, "imocap export toy --format b") == ["bvh"]
+def test_the_shell_completes_commands_actions_stages_and_groups(toy, capsys, monkeypatch):
+    monkeypatch.setenv("_IMOCAP_COMPLETE", "complete_bash")
+    for line, offered in (
+        ("imocap st", ["status", "stage"]),
+        (f"imocap --root {toy.root} run t", ["taichi", "toy"]),
+        (f"imocap --root {toy.root} stage s", ["scale"]),
+        ("imocap params sy", ["sync"]),
+        ("imocap export toy --format b", ["bvh"]),
+    ):
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+        toy.imocap([])
+        assert capsys.readouterr().out.split() == offered
 
 
 def test_completion_can_be_installed(toy: Toy, capsys: Capture) -> None:

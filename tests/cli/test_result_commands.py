@@ -80,9 +80,7 @@ def test_the_page_is_written_once(folder: Path, imocap: Callable[..., tuple[int,
     assert str(folder) not in file.read_text(encoding="utf-8")
 
 
-def test_it_is_written_anew_when_the_result_has_changed(
-    folder: Path, imocap: Callable[..., tuple[int, str]], made_small: Made
-) -> None:
+def test_it_is_written_anew_when_the_result_has_changed(folder, imocap, made_small):
     assert imocap("view", "waving")[0] == 0
     other = made_small.initial.model_copy(update={"source": {"v1": "hmr2", "v2": "hmr2"}})
     publish(folder, "waving", "initial_smpl", other)
@@ -96,9 +94,7 @@ def test_it_is_written_anew_when_the_result_has_changed(
     assert "already" not in message
 
 
-def test_a_page_that_breaks_off_is_written_again(
-    folder: Path, imocap: Callable[..., tuple[int, str]]
-) -> None:
+def test_a_page_that_breaks_off_is_written_again(folder, imocap):
     file = folder / "artifacts" / "waving" / "report" / "viewer.html"
     assert imocap("view", "waving")[0] == 0
     whole = file.read_bytes()
@@ -125,9 +121,7 @@ def test_out_says_where(folder: Path, imocap: Callable[..., tuple[int, str]]) ->
     assert "expected the name of an .html file" in message
 
 
-def test_artifacts_of_other_frames_are_refused(
-    folder: Path, imocap: Callable[..., tuple[int, str]], made_small: Made
-) -> None:
+def test_artifacts_of_other_frames_are_refused(folder, imocap, made_small):
     initial: InitialSmpl = Made(count=2, frames=5).initial
     publish(folder, "waving", "initial_smpl", initial)
     publish(folder, "waving", "refine_sync", summarised(made_small.refined))
@@ -145,9 +139,7 @@ def test_a_broken_artifact_is_named(folder: Path, imocap: Callable[..., tuple[in
     assert "run it with: imocap run waving" in message
 
 
-def test_open_shows_the_page_in_the_browser(
-    folder: Path, imocap: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_open_shows_the_page_in_the_browser(folder, imocap, monkeypatch):
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda page: bool(opened.append(page)) or True)
     code, text = imocap("view", "waving", "--open")

@@ -42,9 +42,7 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
             yield url
 
 
-def test_workers_with_folders_of_their_own_give_what_one_machine_gives(
-    toy: Toy, capsys: Capture, store: str
-) -> None:
+def test_workers_with_folders_of_their_own_give_what_one_machine_gives(toy, capsys, store):
     assert toy.imocap(["run", "toy"]) == 0
     alone = toy.digests()
     shutil.rmtree(toy.root / "artifacts")
@@ -61,9 +59,7 @@ def test_workers_with_folders_of_their_own_give_what_one_machine_gives(
     assert any((root / "actions" / "toy" / "v1.txt").is_file() for root in roots)
 
 
-def test_a_worker_with_another_pipeline_is_a_sentence(
-    toy: Toy, capsys: Capture, tmp_path: Path
-) -> None:
+def test_a_worker_with_another_pipeline_is_a_sentence(toy, capsys, tmp_path):
     (tmp_path / "shared").mkdir()
     root = worker_folder(toy, "first")
     text = (root / "pipeline.yaml").read_text()

@@ -67,9 +67,7 @@ def _rows(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_keypoints_alone_give_a_table_and_a_picture(
-    run, made: Made, tmp_path: Path, capsys: Capture
-) -> None:
+def test_keypoints_alone_give_a_table_and_a_picture(run, made, tmp_path, capsys):
     folders = [_keypoints(tmp_path / "in" / name, made, v) for v, name in enumerate(("a", "b"))]
     out = tmp_path / "out"
     assert run(*folders, *FORMAT, *QUICK, "--out", out, "--name", "try", "--reference", "b") == 0
@@ -87,18 +85,7 @@ def test_keypoints_alone_give_a_table_and_a_picture(
     assert run(*folders, *FORMAT, *QUICK, "--out", out, "--name", "try", "--reference", "a") == 0
     assert " made" not in capsys.readouterr().out  # the same action again, nothing runs
     assert {row["video"] for row in _rows(out / "sync.csv")} == {"b"}
-    words = [
-        *folders,
-        *FORMAT,
-        *QUICK,
-        "--out",
-        out,
-        "--name",
-        "try",
-        "--reference",
-        "a",
-        "--json",
-    ]
+    words = [*folders, *FORMAT, *QUICK, "--out", out, "--name", "try", "--reference", "a", "--json"]
     assert run(*words) == 0
     document = json.loads(capsys.readouterr().out)
     assert (Path(document["action"]).name, document["reference"]) == ("try", "a")
@@ -107,9 +94,7 @@ def test_keypoints_alone_give_a_table_and_a_picture(
     assert str(out / "sync.csv") in document["files"]
 
 
-def test_videos_with_keypoints_give_a_film_too(
-    run, made: Made, tmp_path: Path, capsys: Capture
-) -> None:
+def test_videos_with_keypoints_give_a_film_too(run, made, tmp_path, capsys):
     clip = _video(tmp_path / "in" / "a.mp4", 24)
     _keypoints(tmp_path / "in" / "a_keypoints", made, 0)
     other = _video(tmp_path / "in" / "b.mp4", 24)
@@ -148,9 +133,7 @@ def test_videos_with_keypoints_give_a_film_too(
         (["{in}/a.mp4:{in}/none"], "there is no"),
     ],
 )
-def test_wrong_use(
-    run, made: Made, tmp_path: Path, capsys: Capture, words: list[str], message: str
-) -> None:
+def test_wrong_use(run, made, tmp_path, capsys, words, message):
     for v, name in enumerate(("a", "b")):
         _keypoints(tmp_path / "in" / name, made, v, frames=3)
     (tmp_path / "in" / "a.mp4").write_bytes(b"")
@@ -161,9 +144,7 @@ def test_wrong_use(
     assert "Traceback" not in shown
 
 
-def test_videos_alone_go_to_the_detector(
-    run, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_videos_alone_go_to_the_detector(run, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("IMOCAP_DETECT_PYTHON", str(tmp_path / "nowhere"))
     clips = [_video(tmp_path / f"{name}.mp4", 3) for name in ("a", "b")]
     assert run(*clips) == 1
@@ -217,9 +198,7 @@ def test_files_of_other_detectors_are_synchronised(run, made: Made, tmp_path: Pa
     assert len(_rows(out / "sync.csv")) == 24
 
 
-def test_a_clip_without_repetitions_is_not_cut(
-    run, made: Made, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_clip_without_repetitions_is_not_cut(run, made, tmp_path, capsys):
     clip = _keypoints(tmp_path / "in" / "long", made, 0)
     assert run(clip, *FORMAT, *QUICK, "--repetitions") == 1
     message = capsys.readouterr().err
@@ -227,9 +206,7 @@ def test_a_clip_without_repetitions_is_not_cut(
     assert message.count("\n") == 1
 
 
-def test_repetitions_enter_as_videos_of_the_same_file(
-    run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_repetitions_enter_as_videos_of_the_same_file(run, made, tmp_path, capsys, monkeypatch):
     """The cut itself is tested in tests/sync; here, what is made of it."""
     repetitions = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
     monkeypatch.setattr(
@@ -251,8 +228,8 @@ def test_repetitions_enter_as_videos_of_the_same_file(
 
 
 def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
-    run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    run, made, tmp_path, capsys, monkeypatch
+):
     repetitions = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
     monkeypatch.setattr(
         "imocap_core.sync.repetition.find_repetitions", lambda *_, **__: repetitions

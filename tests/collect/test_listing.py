@@ -147,9 +147,7 @@ def test_the_movement_that_is_repeated_is_found_without_an_example(film: Film) -
     assert not (root / "actions" / "any").exists()
 
 
-def test_the_command_prints_the_shots_and_what_is_next(
-    film: Film, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_the_shots_and_what_is_next(film, capsys):
     root, file = film
     words = ["--like", file, "--from", EXAMPLE[0], "--to", EXAMPLE[1], "--root", root]
     assert run("collect", "again", file, *words, "--set", "collect.least_height_px=20") == 0
@@ -172,9 +170,7 @@ def test_the_command_prints_the_shots_and_what_is_next(
         (["--like", "nothing.mp4", "--from", "1", "--to", "3"], "there is no video nothing.mp4"),
     ],
 )
-def test_a_wrong_example_is_one_sentence(
-    film: Film, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
-) -> None:
+def test_a_wrong_example_is_one_sentence(film, capsys, words, sentence):
     root, file = film
     places = {"FILM": str(file), "FOLDER": str(file.parent)}
     given = [places.get(word, word) for word in words]

@@ -112,26 +112,24 @@ def by_example(people: FilmTracks) -> list[list[Match]]:
     return matches_of_all(people, template_of(part_of(samples, inside), people.pool()), PARAMS)
 
 
+@pytest.fixture(scope="module")
+def by_examples(people: FilmTracks, by_example: list[list[Match]]) -> list[list[Match]]:
+    return by_further_examples(people, by_example, PARAMS)
+
+
 def best(matches: list[list[Match]]) -> np.ndarray:
     return np.array([max((m.score for m in of_track), default=0.0) for of_track in matches])
 
 
-def test_showings_are_told_better_from_the_rest(
-    people: FilmTracks, by_example: list[list[Match]]
-) -> None:
-    before = best(by_example)
-    after = best(by_further_examples(people, by_example, PARAMS))
+def test_showings_are_told_better_from_the_rest(by_example, by_examples):
+    before, after = best(by_example), best(by_examples)
     own, rest = slice(len(SHOWINGS)), slice(len(SHOWINGS), None)
     assert after[own].min() > before[own].min() + 0.1
     assert after[rest].max() < before[rest].max() + 0.05
 
 
-def test_matches_stay_where_they_are_best_first(
-    people: FilmTracks, by_example: list[list[Match]]
-) -> None:
-    for before, after in zip(
-        by_example, by_further_examples(people, by_example, PARAMS), strict=True
-    ):
+def test_matches_stay_where_they_are_best_first(by_example, by_examples):
+    for before, after in zip(by_example, by_examples, strict=True):
         assert sorted((m.first, m.stop) for m in before) == sorted((m.first, m.stop) for m in after)
         assert [m.score for m in after] == sorted((m.score for m in after), reverse=True)
 

@@ -59,20 +59,15 @@ def trusted(made: Made, left_out_s: float = 0.01, score: float = 0.5) -> SyncTru
     return SyncTrust(
         videos=[
             VideoTrust(
-                id=name,
-                phase_s=frames / FPS,
-                outlier_score=score,
-                mirror_margin=0.2,
-                left_out_frames=left_out_s * FPS,
-                left_out_s=left_out_s,
-                left_out_share=1.0,
+                id=name, phase_s=frames / FPS, outlier_score=score, mirror_margin=0.2,
+                left_out_frames=left_out_s * FPS, left_out_s=left_out_s, left_out_share=1.0,
             )
             for name, frames in zip(made.ids, made.frames, strict=True)
         ],
         triples=[
             CycleTriple(videos=made.ids, frames=left_out_s * FPS, seconds=left_out_s, share=1.0)
         ],
-    )
+    )  # fmt: skip
 
 
 def views(made: Made, azimuths: list[float], reductions: dict[float, float]) -> Uncertainty:

@@ -67,9 +67,7 @@ def test_equal_performances_have_no_outlying_body(made: Made) -> None:
 
 
 @pytest.mark.parametrize("turn", [np.diag([-1.0, 1.0, -1.0]), np.diag([1.0, -1.0, -1.0])])
-def test_a_body_that_faces_away_or_lies_is_outlying_where_it_does(
-    made: Made, turn: np.ndarray
-) -> None:
+def test_a_body_that_faces_away_or_lies_is_outlying_where_it_does(made, turn):
     placed = bodies(made)
     joints = placed["v2"].joints.copy()
     joints[:12] = joints[:12] @ turn
@@ -205,12 +203,9 @@ def facing_body(wrist: tuple[float, float, float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("wrist", "behind"),
-    [((0, -0.3, 3.3), 0.3), ((0, -0.3, 2.7), 0.0), ((0.5, -0.3, 3.3), 0.0)],
+    ("wrist", "behind"), [((0, -0.3, 3.3), 0.3), ((0, -0.3, 2.7), 0.0), ((0.5, -0.3, 3.3), 0.0)]
 )
-def test_a_wrist_is_hidden_behind_the_trunk_only(
-    wrist: tuple[float, float, float], behind: float
-) -> None:
+def test_a_wrist_is_hidden_behind_the_trunk_only(wrist, behind):
     depth = behind_trunk_m(facing_body(wrist), SMPL_JOINTS.index("left_wrist"))
     assert depth[0] == pytest.approx(behind, abs=0.01)
 
@@ -219,9 +214,7 @@ def test_a_wrist_is_hidden_behind_the_trunk_only(
     ("layout", "confidence", "named"),
     [("blazepose33", 0.9, True), ("blazepose33", 0.4, False), ("body25", 0.9, False)],
 )
-def test_an_arm_seen_clearly_is_not_behind_the_trunk(
-    layout: str, confidence: float, named: bool
-) -> None:
+def test_an_arm_seen_clearly_is_not_behind_the_trunk(layout, confidence, named):
     made = Made(1)
     video = made.keypoints.videos[0].model_copy(update={"layout": layout})
     names = layout_names(layout)

@@ -47,9 +47,7 @@ def test_crop_scale_and_small_noise_do_not_hide_it() -> None:
 
 
 @pytest.mark.parametrize(("sway_frames", "certain"), [(0.0, True), (4.0, False)])
-def test_a_noisy_copy_is_certain_by_its_clock_and_nobody_else(
-    sway_frames: float, certain: bool
-) -> None:
+def test_a_noisy_copy_is_certain_by_its_clock_and_nobody_else(sway_frames, certain):
     take = performance()
     frames = np.linspace(10, 130, 121)
     frames += sway_frames * np.sin(frames / 8)  # in the performer's time, not in a recorder's

@@ -1,6 +1,5 @@
 """Rows of the cameras' errors: values where the truth has them, else the reason."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -68,9 +67,6 @@ def test_what_is_not_scored_has_a_reason() -> None:
     assert left_out["v2", PLACE][0] == pytest.approx(0, abs=1e-6)
 
 
-Runs = Callable[..., Evaluate]
-
-
 NO_HANDS = Hands(videos=[], model="", model_digest="", size=1.0, status="no hand keypoints")
 
 
@@ -108,19 +104,29 @@ class Context:
         return None
 
 
-@pytest.fixture
-def evaluate(tmp_path: Path) -> Runs:
-    def evaluated(made: Made, *, truth: bool, figures: bool = False, name: str = "r") -> Evaluate:
-        report = tmp_path / name
-        report.mkdir()
-        file = tmp_path / "truth.npz"
-        if truth:
-            made.write_truth(file)
-        context = Context(tmp_path, report, file if truth else None)
-        params = SimpleNamespace(evaluate=SimpleNamespace(figures=figures))
-        return run(context, Inputs(made), params)  # type: ignore[arg-type]
+def evaluate(folder: Path, made: Made, *, truth: bool, figures: bool = False) -> Evaluate:
+    file = folder / "truth.npz"
+    if truth:
+        made.write_truth(file)
+    return evaluate_with(folder, made, file if truth else None, figures)
 
-    return evaluated
+
+def evaluate_with(folder: Path, made: Made, truth: Path | None, figures: bool = False) -> Evaluate:
+    """With the truth of a file; the report goes into the folder `r`."""
+    (report := folder / "r").mkdir()
+    params = SimpleNamespace(evaluate=SimpleNamespace(figures=figures))
+    return run(Context(folder, report, truth), Inputs(made), params)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the scored result."""
+    return tmp_path_factory.mktemp("scored")
+
+
+@pytest.fixture(scope="module")
+def scored(made: Made, folder: Path) -> Evaluate:
+    return evaluate(folder, made, truth=True)
 
 
 def _values(result: Evaluate, answer: str, metric: str) -> dict[str, float | None]:
@@ -128,8 +134,8 @@ def _values(result: Evaluate, answer: str, metric: str) -> dict[str, float | Non
     return {r[1]: r[3] for r in every.rows if r[0] == answer and r[2] == metric}  # type: ignore[misc]
 
 
-def test_scores_agree_with_what_was_made(made: Made, evaluate: Runs) -> None:
-    result = evaluate(made, truth=True)
+def test_scores_agree_with_what_was_made(scored: Evaluate) -> None:
+    result = scored
     mono = _values(result, "monocular", "mpjpe_mm")["all videos"]
     last = _values(result, "after loop", "mpjpe_mm")["all videos"]
     assert mono is not None
@@ -147,8 +153,8 @@ def test_scores_agree_with_what_was_made(made: Made, evaluate: Runs) -> None:
     assert (_values(result, "monocular", "reprojection_px")["v1"] or 0) > 0.2
 
 
-def test_the_whole_body_is_scored(made: Made, evaluate: Runs) -> None:
-    result = evaluate(made, truth=True)
+def test_the_whole_body_is_scored(scored: Evaluate) -> None:
+    result = scored
 
     def over_videos(answer: str, metric: str) -> float:
         value = _values(result, answer, metric)["all videos"]
@@ -172,24 +178,18 @@ def test_the_whole_body_is_scored(made: Made, evaluate: Runs) -> None:
     assert {"pve_mm", "rte_pct", "sync_error_ms"} <= {*summary.columns}
 
 
-def test_a_truth_of_another_body_model_leaves_its_surface_unscored(
-    made: Made, evaluate: Runs, tmp_path: Path
-) -> None:
+def test_a_truth_of_another_body_model_leaves_its_surface_unscored(made, tmp_path):
     made.write_truth(tmp_path / "full.npz")
     with np.load(tmp_path / "full.npz") as full:
         np.savez(tmp_path / "other.npz", **{**full, "model": np.array("another 123")})
-    context = Context(tmp_path, tmp_path, tmp_path / "other.npz")
-    params = SimpleNamespace(evaluate=SimpleNamespace(figures=False))
-    result = run(context, Inputs(made), params)  # type: ignore[arg-type]
+    result = evaluate_with(tmp_path, made, tmp_path / "other.npz")
     assert _values(result, "after loop", "pve_mm")["all videos"] is None
     assert _values(result, "after loop", "mpjae_deg")["all videos"] is not None
     assert _values(result, "after loop", "stretched_edges_pct")["all videos"] is not None
 
 
-def test_without_truth_the_reasons_are_given_and_images_still_scored(
-    made: Made, evaluate: Runs
-) -> None:
-    result = evaluate(made, truth=False)
+def test_without_truth_the_reasons_are_given_and_images_still_scored(made, tmp_path):
+    result = evaluate(tmp_path, made, truth=False)
     unscored = next(t for t in result.tables if t.name == "unscored")
     assert ["mpjpe_mm", "no truth"] in unscored.rows
     assert ["pve_mm", "no truth"] in unscored.rows
@@ -200,16 +200,16 @@ def test_without_truth_the_reasons_are_given_and_images_still_scored(
     assert _values(result, "after loop", "cycle_residual_frames")["all videos"] is not None
 
 
-def test_one_video_alone_has_poses_and_no_synchronisation(evaluate: Runs) -> None:
-    result = evaluate(Made(count=1), truth=True, figures=True)
+def test_one_video_alone_has_poses_and_no_synchronisation(tmp_path: Path) -> None:
+    result = evaluate(tmp_path, Made(count=1), truth=True, figures=True)
     assert _values(result, "after loop", "mpjpe_mm")["v1"] is not None
     assert not any(t.name == "sync" for t in result.tables)
     assert "warp.png" not in result.files
     assert "moments.jpg" in result.files
 
 
-def test_claims_are_held_against_the_errors(made: Made, evaluate: Runs, tmp_path: Path) -> None:
-    result = evaluate(made, truth=True)
+def test_claims_are_held_against_the_errors(scored: Evaluate, folder: Path) -> None:
+    result = scored
     joints = next(t for t in result.tables if t.name == "uncertainty_joints")
     row = next(r for r in joints.rows if r[0] == "left_ankle")
     ankle = dict(zip(joints.columns, row, strict=True))
@@ -219,58 +219,46 @@ def test_claims_are_held_against_the_errors(made: Made, evaluate: Runs, tmp_path
     every = [r[3] for r in joints.rows if r[0] in EVAL_12]
     expected = np.sqrt(np.mean(np.square(np.array(every, dtype=float))))
     assert values["all videos"] == pytest.approx(expected, rel=0.02)
-    assert "made" in (tmp_path / "r" / "observability.md").read_text()
+    assert "made" in (folder / "r" / "observability.md").read_text()
     assert any(t.title == "Observability" for t in result.tables)
 
 
-def test_report_is_whole_and_repeats_itself(made: Made, evaluate: Runs, tmp_path: Path) -> None:
-    first = evaluate(made, truth=True, figures=True, name="a")
-    again = evaluate(made, truth=True, figures=False, name="b")
-    on_disk = sorted(p.name for p in (tmp_path / "a").iterdir())
-    assert on_disk == first.files
-    pictures = {picture.file for picture in read_contents(tmp_path / "a").pictures}
+def test_report_is_whole_and_repeats_itself(made, scored, folder, tmp_path):
+    first, report = evaluate(tmp_path, made, truth=True, figures=True), tmp_path / "r"
+    assert sorted(p.name for p in report.iterdir()) == first.files
+    pictures = {picture.file for picture in read_contents(report).pictures}
     for name in ("warp.png", "affinity.png", "scene.png", "overlay_v2.jpg", "body_v1.jpg"):
         assert name in first.files
         assert name in pictures
-        assert (tmp_path / "a" / name).stat().st_size > 5000
-    assert first.tables == again.tables
-    assert (tmp_path / "a" / "metrics.csv").read_text() == (
-        tmp_path / "b" / "metrics.csv"
-    ).read_text()
+        assert (report / name).stat().st_size > 5000
+    assert first.tables == scored.tables
+    assert (report / "metrics.csv").read_text() == (folder / "r" / "metrics.csv").read_text()
 
 
-def test_truth_of_another_length_is_refused_by_name(
-    made: Made, evaluate: Runs, tmp_path: Path
-) -> None:
-    short = Made(frames=9)
-    short.write_truth(tmp_path / "truth.npz")
-    context = Context(tmp_path, tmp_path, tmp_path / "truth.npz")
+def test_truth_of_another_length_is_refused_by_name(made: Made, tmp_path: Path) -> None:
+    Made(frames=9).write_truth(tmp_path / "truth.npz")
     with pytest.raises(ValueError, match=r"16 used frames, got 9 rows"):
-        run(context, Inputs(made), SimpleNamespace(evaluate=SimpleNamespace(figures=False)))  # type: ignore[arg-type]
+        evaluate_with(tmp_path, made, tmp_path / "truth.npz")
 
 
-def test_a_missing_camera_leaves_poses_unscored_but_not_sync(
-    made: Made, evaluate: Runs, tmp_path: Path
-) -> None:
+def test_a_missing_camera_leaves_poses_unscored_but_not_sync(made: Made, tmp_path: Path) -> None:
     made.write_truth(tmp_path / "full.npz")
     with np.load(tmp_path / "full.npz") as full:
         np.savez(tmp_path / "part.npz", **{k: full[k] for k in full if not k.endswith("/R")})
-    context = Context(tmp_path, tmp_path, tmp_path / "part.npz")
-    params = SimpleNamespace(evaluate=SimpleNamespace(figures=False))
-    result = run(context, Inputs(made), params)  # type: ignore[arg-type]
+    result = evaluate_with(tmp_path, made, tmp_path / "part.npz")
     assert _values(result, "after loop", "mpjpe_mm") == dict.fromkeys(
         [*made.ids, "all videos"], None
     )
     assert _values(result, "after loop", "sync_error_frames")["v2"] == pytest.approx(0)
 
 
-def test_a_video_without_any_match_leaves_the_report_whole(evaluate: Runs) -> None:
+def test_a_video_without_any_match_leaves_the_report_whole(tmp_path: Path) -> None:
     made = Made(count=2)
     lost = made.refined.sync.maps[1]
     none = lost.model_copy(update={"reference_frame": lost.reference_frame * np.nan})
     sync = made.refined.sync.model_copy(update={"maps": [made.refined.sync.maps[0], none]})
     made.refined = made.refined.model_copy(update={"sync": sync})
-    result = evaluate(made, truth=True, figures=True)
+    result = evaluate(tmp_path, made, truth=True, figures=True)
     assert _values(result, "after loop", "sync_error_frames")["v2"] is None
     assert _values(result, "after loop", "matched_share")["v2"] == 0
     assert "warp.png" in result.files

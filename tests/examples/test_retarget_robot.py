@@ -21,9 +21,7 @@ pytestmark = pytest.mark.skipif(
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def test_a_body_that_stands_still_is_a_robot_that_stands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_body_that_stands_still_is_a_robot_that_stands(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(EXAMPLES)
     robot = importlib.import_module("retarget_robot")
     clip = made_clip(frames=4).clip

@@ -34,9 +34,7 @@ def test_a_graph_on_a_cluster_survives_a_worker_killed_by_signal(tmp_path: Path)
     assert any(isinstance(e, Begun) and e.task.name == "first" for e in events)
 
 
-def test_workers_that_have_all_ended_are_a_sentence(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_workers_that_have_all_ended_are_a_sentence(monkeypatch, tmp_path):
     monkeypatch.setattr("imocap_core.executors.processes.WORKERS", "pass")
     monkeypatch.setattr("imocap_core.executors.processes.LOOK_S", 0.1)
     task = Task("t", note, (tmp_path / "notes", "text"))

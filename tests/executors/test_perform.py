@@ -65,9 +65,7 @@ def test_every_task_comes_after_those_that_it_names(executor: Any, tmp_path: Pat
 
 
 @EXECUTORS
-def test_a_failure_stops_what_comes_after_it_and_nothing_else(
-    executor: Any, tmp_path: Path
-) -> None:
+def test_a_failure_stops_what_comes_after_it_and_nothing_else(executor, tmp_path):
     first, *others = chain("a", tmp_path / "a", 3)
     broken = Task(first.name, refuse, ("no keypoints",))
     with executor() as chosen:
@@ -176,9 +174,7 @@ def threads(report: Report) -> str | None:
     return os.environ.get("OMP_NUM_THREADS")
 
 
-def test_workers_compute_with_one_thread_and_the_outer_process_as_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_workers_compute_with_one_thread_and_the_outer_process_as_before(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "5")
     with worker_processes(1) as executor:
         (end,) = perform([Task("t", threads)], executor)
@@ -210,9 +206,7 @@ def test_workers_end_with_the_body(tmp_path: Path) -> None:
     assert threading.active_count() < 20
 
 
-def test_workers_import_nothing_from_the_working_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_import_nothing_from_the_working_folder(tmp_path, monkeypatch):
     trace = plant(tmp_path, "multiprocessing", "json", "pickle")
     monkeypatch.chdir(tmp_path)
     with worker_processes(1) as executor:
@@ -254,14 +248,10 @@ def test_a_script_needs_no_guard(how: str, tmp_path: Path) -> None:
     words = {"file": ["script.py"], "stdin": ["-"], "-c": ["-c", script]}[how]
     done = subprocess.run(
         [sys.executable, *words],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        input=script if how == "stdin" else None,
-        capture_output=True,
-        text=True,
-        check=True,
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        input=script if how == "stdin" else None, capture_output=True, text=True, check=True,
         timeout=300,
-    )
+    )  # fmt: skip
     lines = done.stdout.split()
     assert (lines[0], lines[-1], len(lines)) == ("begun", "ended", 3)
     assert done.stderr == ""

@@ -57,43 +57,28 @@ def motion(video: str) -> VideoMotion:
     world[..., 1] = 1.0 - height
     joints = world @ R.T + t
     return VideoMotion(
-        id=video,
-        frames=frames(video),
-        theta=np.zeros((count, 72)),
-        betas=np.zeros(10),
-        trans=joints[:, 0],
-        joints=joints,
-        reprojection_px=np.zeros(count),
-    )
+        id=video, frames=frames(video), theta=np.zeros((count, 72)), betas=np.zeros(10),
+        trans=joints[:, 0], joints=joints, reprojection_px=np.zeros(count),
+    )  # fmt: skip
 
 
 def refined() -> RefineSync:
     cameras = [Camera(id=v, K=np.eye(3), R=R, t=t) for v, (R, t) in CAMERAS.items()]
     ba = SmplBa(
-        reference="a",
-        model="free_body",
-        model_digest="d1",
-        videos=[motion(v) for v in LENGTHS],
-        cameras=cameras,
-        objective=[1.0],
-        misfit=1.0,
-        status="",
-    )
+        reference="a", model="free_body", model_digest="d1", videos=[motion(v) for v in LENGTHS],
+        cameras=cameras, objective=[1.0], misfit=1.0, status="",
+    )  # fmt: skip
     at = np.arange(20.0) + 0.5
     at[3] = np.nan
     sync = Sync(
-        reference="a",
-        ids=["a", "b"],
-        lengths=[30, 20],
+        reference="a", ids=["a", "b"], lengths=[30, 20],
         maps=[
             SyncMap(id="a", reference_frame=np.arange(30.0), confidence=np.ones(30)),
             SyncMap(id="b", reference_frame=at, confidence=np.full(20, 0.75)),
         ],
-        method="als",
-        centrality=np.ones(2),
-        status="",
+        method="als", centrality=np.ones(2), status="",
         **stored_matrix(np.zeros((50, 50)), ["a", "b"], [30, 20]),
-    )
+    )  # fmt: skip
     return RefineSync(rounds=[], best=0, sync=sync, motion=ba, status="")
 
 
@@ -205,13 +190,10 @@ def hands(video: str) -> VideoHands:
     count = LENGTHS[video]
     points = np.repeat(motion(video).joints[:, 20:22, None], 21, axis=2)
     return VideoHands(
-        id=video,
-        frames=frames(video),
-        fingers=np.full((count, 2, 15, 3), 0.3),
-        wrists=np.full((count, 2, 3), 0.1),
-        points_m=points,
+        id=video, frames=frames(video), fingers=np.full((count, 2, 15, 3), 0.3),
+        wrists=np.full((count, 2, 3), 0.1), points_m=points,
         visible=np.ones((count, 2), dtype=np.int64),
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("up", [None, "y"])

@@ -60,9 +60,7 @@ FORMATS = [
 
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("time", ["own", "common"])
-def test_every_format_writes_its_files_and_says_what_they_are(
-    made: Made, format: str, time: str
-) -> None:
+def test_every_format_writes_its_files_and_says_what_they_are(made, format, time):
     done = made.export(format, time=time)
     assert done.notes == []
     assert all(f.stat().st_size > 100 for f in done.files)

@@ -102,9 +102,7 @@ def test_pace_of_a_line_is_its_slope_and_gaps_stay_gaps() -> None:
 
 
 @pytest.mark.parametrize("lost", ["v2", "v3", None])
-def test_the_picture_is_wide_and_has_every_video(
-    made: Made, lost: str | None, tmp_path: Path
-) -> None:
+def test_the_picture_is_wide_and_has_every_video(made, lost, tmp_path):
     sync = made.sync if lost is None else _without(made.sync, lost)
     with quiet():
         figure = sync_picture(made.keypoints, sync, reach_s=0.1)
@@ -188,16 +186,10 @@ def test_tiles_show_the_frame_that_is_matched(made: Made, tmp_path: Path) -> Non
 
 def test_an_unmatched_tile_is_dimmed_and_says_so() -> None:
     track = SyncedVideo(
-        name="v2",
-        rgb=(200, 100, 0),
-        file=Path("none"),
-        size=(320, 320),
-        index=np.array([0, 0]),
-        frames=np.array([7, 7]),
-        matched=np.array([True, False]),
-        confidence=np.array([0.5, 0.0]),
+        name="v2", rgb=(200, 100, 0), file=Path("none"), size=(320, 320), index=np.array([0, 0]),
+        frames=np.array([7, 7]), matched=np.array([True, False]), confidence=np.array([0.5, 0.0]),
         windows=np.tile([0.0, 0, 320, 320], (2, 1)),
-    )
+    )  # fmt: skip
     picture = np.full((320, 320, 3), 200, dtype=np.uint8)
     shown, dimmed = (tile(track, moment, picture, (480, 480)) for moment in (0, 1))
     assert shown[300, 100].mean() == pytest.approx(200, abs=2)
@@ -212,16 +204,11 @@ def _trusted(made: Made) -> SyncTrust:
     """The phases that the made videos have, from before the reference to after it."""
     videos = [
         VideoTrust(
-            id=i,
-            phase_s=(frames - 1 if k == 1 else frames) / FPS,
-            outlier_score=0.0,
-            mirror_margin=0.0,
-            left_out_frames=0.0,
-            left_out_s=0.0,
-            left_out_share=1.0,
+            id=i, phase_s=(frames - 1 if k == 1 else frames) / FPS, outlier_score=0.0,
+            mirror_margin=0.0, left_out_frames=0.0, left_out_s=0.0, left_out_share=1.0,
         )
         for k, (i, frames) in enumerate(zip(made.ids, made.frames, strict=True))
-    ]
+    ]  # fmt: skip
     return SyncTrust(videos=videos, triples=[])
 
 

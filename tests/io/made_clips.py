@@ -34,16 +34,9 @@ def made_clip(
     trans = np.cumsum(0.05 * rng.normal(size=(frames, 3)), axis=0) + [0.3, 0.9, -2.0]
     rest = shaped.joints_rest.numpy()
     clip = MotionClip(
-        id="v1",
-        joint_names=shaped.model.joint_names,
-        parents=shaped.model.parents,
-        rest=rest - rest[0],
-        tips=bone_tips(shaped),
-        R_local=R_local,
-        pelvis=trans + rest[0],
-        fps=fps,
-        frames=np.arange(frames) + 7.0,
-        inside=np.ones(frames, dtype=bool),
+        id="v1", joint_names=shaped.model.joint_names, parents=shaped.model.parents,
+        rest=rest - rest[0], tips=bone_tips(shaped), R_local=R_local, pelvis=trans + rest[0],
+        fps=fps, frames=np.arange(frames) + 7.0, inside=np.ones(frames, dtype=bool),
         phase_s=np.arange(frames) / fps,
-    )
+    )  # fmt: skip
     return Made(clip, shaped, shaped.pose(torch.as_tensor(R_local), torch.as_tensor(trans)))

@@ -138,9 +138,7 @@ def test_lafan1s_reader_finds_its_joints_where_ours_are() -> None:
 
 @pytest.mark.filterwarnings("ignore")  # of its regular expressions
 @pytest.mark.skipif(GMR is None, reason="IMOCAP_GMR names no checkout of it")
-def test_gmr_finds_lafan1s_joints_where_ours_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_gmr_finds_lafan1s_joints_where_ours_are(tmp_path, monkeypatch):
     package = ModuleType("general_motion_retargeting")  # without its robots and its viewer
     package.__path__ = [f"{GMR}/{package.__name__}"]
     monkeypatch.setitem(sys.modules, package.__name__, package)

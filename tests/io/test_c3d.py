@@ -21,16 +21,11 @@ def trial(first: int = 41, markers: int = 3) -> C3dTrial:
     points["marker1"][2] = np.nan
     sd = np.array([0.0, 3.2, np.nan, 40, 127.5, 999, 0.1])
     return C3dTrial(
-        subject="somebody",
-        up="z",
-        fps=59.94,
-        first=first,
-        markers_mm=points,
-        sd_mm={"marker0": sd},
-        angles_deg={"LKneeAngles": 40 * rng.normal(size=(FRAMES, 3))},
+        subject="somebody", up="z", fps=59.94, first=first, markers_mm=points,
+        sd_mm={"marker0": sd}, angles_deg={"LKneeAngles": 40 * rng.normal(size=(FRAMES, 3))},
         descriptions={"LKneeAngles": "flexion"},
         events=[C3dEvent("Foot Off", "Left", 61.25), C3dEvent("Foot Strike", "Right", 0.7)],
-    )
+    )  # fmt: skip
 
 
 def test_a_trial_comes_back() -> None:

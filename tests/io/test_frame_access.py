@@ -198,9 +198,7 @@ KEYS = {"movflags": "use_metadata_tags"}
 @pytest.mark.parametrize(
     ("name", "stamped"), [("a.mp4", 30), ("a.mp4", Fraction(15, 2)), ("a.mkv", 30)]
 )
-def test_a_slow_motion_film_of_a_phone_has_the_rate_of_its_camera(
-    tmp_path: Path, name: str, stamped: Fraction
-) -> None:
+def test_a_slow_motion_film_of_a_phone_has_the_rate_of_its_camera(tmp_path, name, stamped):
     options = KEYS if name == "a.mp4" else None  # Matroska writes all tags, in capitals
     path = write_video(tmp_path / name, rate=stamped, metadata=SLOW, options=options)
     info = probe(path)

@@ -90,9 +90,7 @@ def test_sleaps_own_axes_need_no_names(h5py: Any, tmp_path: Path) -> None:
 
 
 @KINDS
-def test_without_h5py_it_says_what_to_do(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_h5py_it_says_what_to_do(kind, tmp_path, monkeypatch):
     monkeypatch.setattr(array_files, "find_spec", lambda name: None)
     path = tmp_path / "clip.h5"
     path.write_bytes(b"\x89HDF\r\n")
@@ -246,17 +244,13 @@ def test_a_file_of_sleap_ios_own_is_read(preset: str, h5py: Any, tmp_path: Path)
     assert len(detected.people[2]) == 0
 
 
-def test_a_file_from_which_the_library_does_not_come_back_is_refused(
-    h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_from_which_the_library_does_not_come_back_is_refused(h5py, tmp_path, monkeypatch):
     path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
     monkeypatch.setattr(array_files, "TRIAL_S", 1e-3)  # less than any process takes to start
     assert "has not finished reading it" in refused(path, "sleap", LAYOUT)
 
 
-def test_a_file_on_which_the_library_breaks_down_is_refused(
-    h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_on_which_the_library_breaks_down_is_refused(h5py, tmp_path, monkeypatch):
     path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
     (tmp_path / "broken_trial.py").write_text("import os; os.abort()")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
@@ -264,9 +258,7 @@ def test_a_file_on_which_the_library_breaks_down_is_refused(
     assert "breaks down on it" in refused(path, "sleap", LAYOUT)
 
 
-def test_the_trial_reads_all_parts_and_ends_with_parts_in_circles(
-    h5py: Any, tmp_path: Path
-) -> None:
+def test_the_trial_reads_all_parts_and_ends_with_parts_in_circles(h5py, tmp_path):
     path = tmp_path / "circle.h5"
     with h5py.File(path, "w") as root:
         inner = root.create_group("a/b")

@@ -197,9 +197,7 @@ def test_nobody_in_the_whole_file_is_refused(case: str, tmp_path: Path) -> None:
 
 @EACH
 @pytest.mark.parametrize("layout", ["smpl24", "hands42"])
-def test_a_layout_that_the_format_has_not_is_refused(
-    case: str, layout: str, tmp_path: Path
-) -> None:
+def test_a_layout_that_the_format_has_not_is_refused(case, layout, tmp_path):
     path, _, kind, _ = written(case, tmp_path)
     refused(path, kind, layout)
 
@@ -328,9 +326,7 @@ def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
         ([np.zeros((0, 3))], "nobody was detected"),
     ],
 )
-def test_what_is_not_clear_is_asked_for(
-    people: list[np.ndarray], message: str, tmp_path: Path
-) -> None:
+def test_what_is_not_clear_is_asked_for(people, message, tmp_path):
     folder = _write(tmp_path / "v1", people)
     with pytest.raises(ValueError, match=message):
         guess_detections(folder)

@@ -38,9 +38,7 @@ def little(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("pack", [zlib.compress, gzip.compress, bz2.compress, lzma.compress])
-def test_a_compressed_pickle_unpacks_to_little(
-    tmp_path: Path, pack: Callable[[bytes], bytes], request: pytest.FixtureRequest
-) -> None:
+def test_a_compressed_pickle_unpacks_to_little(tmp_path, pack, request):
     file = tmp_path / "a.pkl"
     file.write_bytes(pack(ZEROS))
     assert read_results(file) == {"poses": b"\0" * 2**20}
@@ -169,9 +167,7 @@ def test_a_header_that_claims_a_billion_frames_is_counted(tmp_path: Path) -> Non
     assert probe(file).frame_count == 10
 
 
-def test_a_picture_that_claims_too_many_pixels_is_not_decoded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_that_claims_too_many_pixels_is_not_decoded(tmp_path, monkeypatch):
     file = tmp_path / "a.mp4"
     write_h264(file, [np.zeros((48, 64, 3), np.uint8)] * 3, 25)
     monkeypatch.setattr("imocap_core.io.video.MAX_PIXELS", 64 * 48 - 1)

@@ -76,9 +76,7 @@ def test_the_mean_as_a_skinned_mesh(small_run: SmallRun, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("up", ["y", "z"])
 @pytest.mark.parametrize("loop", ["continue", "in-place"])
-def test_a_loop_with_locked_feet_is_a_loop(
-    small_run: SmallRun, tmp_path: Path, up: str, loop: str
-) -> None:
+def test_a_loop_with_locked_feet_is_a_loop(small_run, tmp_path, up, loop):
     options = imocap.ExportOptions(mean=True, lock_feet=True, loop=loop)
     small_run.result.export("npz", tmp_path, up=up, options=options)
     with np.load(tmp_path / "mean.npz") as data:
@@ -95,12 +93,7 @@ def test_a_loop_with_locked_feet_is_a_loop(
     assert len(poses) == notes["videos"]["mean"]["frames"]
 
 
-def test_locked_feet_are_said(
-    small_run: SmallRun,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_locked_feet_are_said(small_run, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["imocap"])
     words = ["--out", str(tmp_path), "--root", str(small_run.root), "--video", "v1", "--lock-feet"]
     assert main(["export", "serve", "--format", "npz", *words]) == 0
@@ -119,13 +112,8 @@ def test_locked_feet_are_said(
     ],
 )
 def test_options_that_do_not_fit_are_refused(
-    small_run: SmallRun,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    sentence: str,
-) -> None:
+    small_run, tmp_path, monkeypatch, capsys, words, sentence
+):
     monkeypatch.setattr("sys.argv", ["imocap"])
     out = ["--out", str(tmp_path), "--root", str(small_run.root)]
     assert main(["export", "serve", *out, *words]) == 2

@@ -44,9 +44,19 @@ def test_public_members_are_documented() -> None:
 
 def test_importing_changes_no_setting_and_loads_nothing_heavy() -> None:
     code = """
-import os, sys
+import ctypes, os, sys
 before = dict(os.environ)
+calls = []
+class Library:
+    def __init__(self, *_): pass
+    def __getattr__(self, name):
+        calls.append(name)
+        raise AttributeError(name)
+real = ctypes.CDLL
+ctypes.CDLL = lambda name=None, *a, **k: Library() if name is None else real(name, *a, **k)
 import imocap
+assert "mallopt" not in calls
+ctypes.CDLL = real
 heavy = sorted({"torch", "av", "matplotlib", "scipy", "cv2"} & set(sys.modules))
 import torch
 threads = torch.get_num_threads(), torch.get_num_interop_threads()
@@ -59,24 +69,6 @@ print(heavy, threads, dict(os.environ) == before)
     )
     threads = tuple(map(int, without.split()))
     assert with_imocap.strip() == f"[] {threads} True"
-
-
-def test_importing_sets_no_allocator_option() -> None:
-    code = """
-import ctypes
-calls = []
-class Library:
-    def __init__(self, *_): pass
-    def __getattr__(self, name):
-        calls.append(name)
-        raise AttributeError(name)
-real = ctypes.CDLL
-ctypes.CDLL = lambda name=None, *a, **k: Library() if name is None else real(name, *a, **k)
-import imocap
-print(calls)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "mallopt" not in done.stdout
 
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -73,9 +73,7 @@ def test_a_file_that_two_actions_use_is_stored_once(toy: Toy, store: str) -> Non
     assert imocap.push("other", store=store, root=toy.root).new_files == ["action.yaml"]
 
 
-def test_what_was_pulled_follows_the_store_until_somebody_changes_it(
-    toy: Toy, store: str, elsewhere: Path
-) -> None:
+def test_what_was_pulled_follows_the_store_until_somebody_changes_it(toy, store, elsewhere):
     imocap.push("toy", store=store, root=toy.root)
     imocap.pull("toy", store=store, root=elsewhere)
     (toy.action / "v1.txt").write_text("7")
@@ -130,9 +128,7 @@ def test_files_outside_the_folder_are_taken_along(toy: Toy, store: str, elsewher
 
 
 @pytest.mark.long
-def test_a_pulled_action_runs_to_the_same_digests(
-    toy: Toy, store: str, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_pulled_action_runs_to_the_same_digests(toy, store, elsewhere, monkeypatch):
     with_files_elsewhere(toy)
     imocap.push("toy", store=store, root=toy.root)
     imocap.pull("toy", store=store, root=elsewhere)
@@ -160,9 +156,7 @@ def test_what_was_pushed_may_be_pulled_where_it_came_from(toy: Toy, store: str) 
         ("../.hidden/..", r"videos.0.keypoints: ../.hidden/.. .* no place on another machine"),
     ],
 )
-def test_a_file_that_cannot_be_taken_along_is_named(
-    toy: Toy, store: str, name: str, sentence: str
-) -> None:
+def test_a_file_that_cannot_be_taken_along_is_named(toy, store, name, sentence):
     (toy.root / "actions/a:b.txt").write_text("1")
     (toy.root / "actions/.hidden").mkdir()
     text = (toy.action / "action.yaml").read_text().replace("v1.txt", f'"{name}"')
@@ -208,8 +202,8 @@ def test_a_record_leads_nowhere_else(toy: Toy, store: str, elsewhere: Path, path
     ],
 )
 def test_a_record_that_is_wrong_is_a_sentence_and_nothing_is_written(
-    toy: Toy, store: str, elsewhere: Path, change, sentence: str
-) -> None:
+    toy, store, elsewhere, change, sentence
+):
     imocap.push("toy", store=store, root=toy.root)
     content = json.loads(record(store).read_text())
     change(content)
@@ -230,9 +224,7 @@ def test_a_file_of_other_content_is_refused(toy: Toy, store: str, elsewhere: Pat
     assert imocap.pull("toy", store=store, root=elsewhere).new
 
 
-def test_a_link_in_place_of_the_folder_is_not_followed(
-    toy: Toy, store: str, elsewhere: Path, tmp_path: Path
-) -> None:
+def test_a_link_in_place_of_the_folder_is_not_followed(toy, store, elsewhere, tmp_path):
     imocap.push("toy", store=store, root=toy.root)
     (tmp_path / "private").mkdir()
     (elsewhere / "actions").mkdir()
@@ -271,9 +263,7 @@ def test_ordinary_paths_are_inside(path: str) -> None:
     assert must_be_inside(path) == path
 
 
-def test_a_pulled_memory_that_is_nested_without_end_is_as_none(
-    toy: Toy, store: str, elsewhere: Path
-) -> None:
+def test_a_pulled_memory_that_is_nested_without_end_is_as_none(toy, store, elsewhere):
     imocap.push("toy", store=store, root=toy.root)
     imocap.pull("toy", store=store, root=elsewhere)
     (elsewhere / "actions/toy/.pulled.json").write_text(100_000 * "[")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import struct
 from pathlib import Path
 
@@ -35,9 +36,9 @@ def made(tmp_path: Path) -> Made:
     return made_result(tmp_path)
 
 
-@pytest.fixture
-def result(made: Made) -> imocap.Result:
-    return made.result()
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> imocap.Result:
+    return made_result(tmp_path_factory.mktemp("result")).result()
 
 
 def hands(made: Made) -> None:
@@ -266,9 +267,7 @@ def test_without_a_common_axis_it_is_said(made: Made) -> None:
         result.on_common_time()
 
 
-def test_motions_and_cameras_are_those_of_the_y_up_world_turned_by_a_quarter(
-    small_run: SmallRun,
-) -> None:
+def test_motions_and_cameras_are_those_of_the_y_up_world_turned_by_a_quarter(small_run):
     y, z = (small_run.result.levelled(up) for up in "yz")
     for a, b in zip(y, z, strict=True):
         np.testing.assert_allclose(b.joints, a.joints @ Q.T, atol=1e-9)
@@ -316,9 +315,7 @@ def test_files_of_both_are_one_world(small_run: SmallRun, tmp_path: Path) -> Non
     np.testing.assert_allclose(b, a @ Q.T, atol=1e-5)
 
 
-def test_a_glb_of_the_z_up_world_is_that_of_the_y_up_world(
-    small_run: SmallRun, tmp_path: Path
-) -> None:
+def test_a_glb_of_the_z_up_world_is_that_of_the_y_up_world(small_run, tmp_path):
     glb = [small_run.result.levelled(up).export("glb", tmp_path / up)[0] for up in "yz"]
     a, b = (_binary_chunk(file) for file in glb)
     np.testing.assert_allclose(b, a, atol=1e-5)
@@ -351,39 +348,45 @@ def rows(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_tables_of_every_video_and_their_mean(small_run: SmallRun, tmp_path: Path) -> None:
-    written = imocap.angles("serve", tmp_path, root=small_run.root)
-    names = [file.name for file in written.files]
-    assert names == [
+@pytest.fixture(scope="module")
+def angles(small_run: SmallRun, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The files of the small run's angles."""
+    return imocap.angles("serve", tmp_path_factory.mktemp("angles"), root=small_run.root).files
+
+
+def test_tables_of_every_video_and_their_mean(small_run: SmallRun, angles: list[Path]) -> None:
+    folder = angles[0].parent
+    assert [file.name for file in angles] == [
         *("v1_angles.csv", "v1_events.csv", "v2_angles.csv", "v2_events.csv"),
         *("mean_angles.csv", "mean_events.csv", "angles.png", "export_angles.json"),
     ]
-    table = rows(tmp_path / "v1_angles.csv")
+    table = rows(folder / "v1_angles.csv")
     assert len(table) == len(small_run.result["v1"])
     assert {f"{name}_deg" for name in angle_names()} < set(table[0])
     assert all(-180 <= float(row["left_knee_flexion_deg"]) <= 180 for row in table)
     assert all(float(row["left_knee_flexion_sd_deg"]) > 0 for row in table)
-    mean = rows(tmp_path / "mean_angles.csv")
+    mean = rows(folder / "mean_angles.csv")
     assert max(int(row["performances"]) for row in mean) == 2
-    assert json.loads((tmp_path / "export_angles.json").read_text())["run"]["seed"] == 7
+    assert json.loads((folder / "export_angles.json").read_text())["run"]["seed"] == 7
 
 
-def test_events_are_those_of_the_result(small_run: SmallRun, tmp_path: Path) -> None:
-    imocap.angles("serve", tmp_path, root=small_run.root)
+def test_events_are_those_of_the_result(small_run: SmallRun, angles: list[Path]) -> None:
     for video, events in small_run.result.events().items():
-        table = rows(tmp_path / f"{video}_events.csv")
+        table = rows(angles[0].with_name(f"{video}_events.csv"))
         assert [(row["kind"], row["name"]) for row in table] == [(e.kind, e.name) for e in events]
         times = [float(row["time_s"]) for row in table]
         assert times == sorted(times)
         assert all(0 <= e.index <= len(small_run.result[video]) - 1 for e in events)
 
 
-def test_the_command_replaces_its_files_and_no_others(
-    small_run: SmallRun, tmp_path: Path, monkeypatch
-) -> None:  # type: ignore[no-untyped-def]
+def test_the_command_replaces_its_files_and_no_others(small_run, angles, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["imocap"])
     words = ["angles", "serve", "--out", str(tmp_path), "--root", str(small_run.root)]
-    assert main(words) == main(words) == 0
-    (tmp_path / "v1_angles.csv").write_text("mine")
+    for file in angles:
+        shutil.copy(file, tmp_path)
+    table, before = tmp_path / "v1_angles.csv", (tmp_path / "export_angles.json").stat().st_mtime_ns
+    assert main(words) == 0
+    assert (tmp_path / "export_angles.json").stat().st_mtime_ns > before
+    table.write_text("mine")
     assert main(words) == 1
-    assert (tmp_path / "v1_angles.csv").read_text() == "mine"
+    assert table.read_text() == "mine"

@@ -52,30 +52,15 @@ def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_
     started = [
         subprocess.Popen(
             [sys.executable, *words, str(small_run.root)],
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            cwd=tmp_path,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, cwd=tmp_path,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )
         for words in (["script.py"], ["-"], ["-c", SCRIPT])
-    ]
+    ]  # fmt: skip
     for process in started:
         out, err = process.communicate(SCRIPT, timeout=500)
         assert out.splitlines() == ["begun", "v1 v2 done"], err
         assert "Traceback" not in err
-
-
-def test_progress_is_shown_as_by_the_command_unless_it_is_not_wanted(
-    small_run: SmallRun, capsys: pytest.CaptureFixture[str]
-) -> None:
-    imocap.run("serve", root=small_run.root, until="smpl_ba", progress=None)
-    assert capsys.readouterr() == ("", "")
-    imocap.run("serve", root=small_run.root, until="smpl_ba", params={"seed": 5})
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert "smpl_ba" in shown.err
 
 
 def test_load_gives_what_run_gave(small_run: SmallRun) -> None:
@@ -91,12 +76,18 @@ def test_load_gives_what_run_gave(small_run: SmallRun) -> None:
     assert before["v1"].joints.shape == loaded["v1"].joints.shape
 
 
-def test_until_stops_early_and_params_hold_for_one_run(small_run: SmallRun) -> None:
-    again = imocap.run("serve", root=small_run.root, until="smpl_ba")
+def test_until_stops_early_params_hold_for_one_run_and_progress_is_shown_as_by_the_command(
+    small_run, capsys
+):
+    again = imocap.run("serve", root=small_run.root, until="smpl_ba", progress=None)
+    assert capsys.readouterr() == ("", "")
     assert again["v1"].uncertainty is None
     other = imocap.run(
         "serve", root=small_run.root, until="smpl_ba", params={"motion": {"max_steps": 1}}
     )
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "smpl_ba" in shown.err
     assert np.abs(other["v1"].joints - again["v1"].joints).max() > 0
     states = {s.stage: s.state for s in imocap.status("serve", root=small_run.root)}
     assert states["smpl_ba"] == "cached"
@@ -128,25 +119,17 @@ def wrong_calls(root: Path) -> list[tuple[Callable[[], object], list[str]]]:
             ["run", "serve", "--until", "dance"],
         ),
         (lambda: imocap.explain("serve", "dance", root=root), ["explain", "serve", "dance"]),
-        (
-            lambda: imocap.init_action("a/b", ["x.mp4"], root=root),
-            ["init", "a/b", "x.mp4"],
-        ),
+        (lambda: imocap.init_action("a/b", ["x.mp4"], root=root), ["init", "a/b", "x.mp4"]),
         (
             lambda: imocap.export("serve", "x", format="glb", up="z", root=root),
             ["export", "serve", "--format", "glb", "--up", "z", "--out", "x"],
         ),
-        (
-            lambda: imocap.view("serve", root, root=root),
-            ["view", "serve", "--out", str(root)],
-        ),
+        (lambda: imocap.view("serve", root, root=root), ["view", "serve", "--out", str(root)]),
         (lambda: imocap.compare("serve", "serve", root=root), ["compare", "serve", "serve"]),
     ]
 
 
-def test_errors_say_what_the_command_line_prints(
-    small_run: SmallRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_errors_say_what_the_command_line_prints(small_run, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["imocap"])
     for call, words in wrong_calls(small_run.root):
         with pytest.raises(imocap.ImocapError) as caught:
@@ -249,9 +232,7 @@ def test_its_verdict_is_the_result_s(document: dict[str, Any], small_run: SmallR
     assert all(f.sentence in document["warnings"] for f in verdict.findings if f.serious)
 
 
-def test_its_correspondences_are_the_result_s(
-    document: dict[str, Any], small_run: SmallRun
-) -> None:
+def test_its_correspondences_are_the_result_s(document, small_run):
     rows = {row["video"]: row for row in document["sync"]["videos"]}
     assert tuple(rows) == small_run.result.ids
     assert document["sync"]["reference"] == small_run.result.reference

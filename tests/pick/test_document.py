@@ -76,11 +76,7 @@ def changed_lines(before: str, after: str) -> list[str]:
             {"kind": "frames", "video": "v2", "frames": (10, 80)},
             ["-     frames: [0, 82]   # used", "+     frames: [10, 80]  # used"],
         ),
-        (
-            BLOCKS,
-            {"kind": "frames", "video": "v1", "frames": (10, 80)},
-            ["+     frames: [10, 80]"],
-        ),
+        (BLOCKS, {"kind": "frames", "video": "v1", "frames": (10, 80)}, ["+     frames: [10, 80]"]),
         (BLOCKS, {"kind": "frames", "video": "v1", "frames": (0, 90)}, []),
         (
             BLOCKS,

@@ -74,9 +74,7 @@ def test_localhost_is_this_machine(asker: Asker) -> None:
         ({"Content_Length": str(MOST_BYTES + 1)}, 413),
     ],
 )
-def test_changes_come_from_the_page_alone(
-    asker: Asker, headers: dict[str, str | None], status: int
-) -> None:
+def test_changes_come_from_the_page_alone(asker, headers, status):
     before = asker.file.read_bytes()
     sent = {k: v and v.format(port=asker.port) for k, v in headers.items()}
     body = {"revision": asker.state()["revision"], "edits": [MIRROR]}
@@ -116,8 +114,7 @@ def test_nothing_is_read_by_its_path(asker: Asker, path: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "body",
-    [b"{", b"\xff\xfe", b"[" * 5000, b'"x"', b"{}", b'{"revision": 1, "edits": []}'],
+    "body", [b"{", b"\xff\xfe", b"[" * 5000, b'"x"', b"{}", b'{"revision": 1, "edits": []}']
 )
 def test_nonsense_is_answered_with_a_sentence(asker: Asker, body: bytes) -> None:
     before = asker.file.read_bytes()
@@ -153,9 +150,7 @@ def test_requests_that_are_no_http_break_nothing(asker: Asker) -> None:
     assert asker.state()["action"] == "made"
 
 
-def test_a_fault_of_the_program_shows_no_traceback(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_of_the_program_shows_no_traceback(root, monkeypatch):
     faults: list[str] = []
     with picking("made", [], root, fault=faults.append) as served:
         asker = Asker(served, root)

@@ -143,9 +143,7 @@ def test_a_video_that_is_none_is_named(root: Path) -> None:
         assert asker.ask("pictures/1/thumb/0.jpg")[0].status == 404
 
 
-def test_detection_that_cannot_begin_says_why(
-    asker: Asker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_detection_that_cannot_begin_says_why(asker, monkeypatch):
     def refused(*_: object, **__: object) -> None:
         raise WorkFailed("the detector's environment needs the network once")
 

@@ -5,7 +5,6 @@ of a stage adds its name to the file `ran`, each asks the environment whether to
 """
 
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import pytest
 import yaml
 
 from imocap_core.pipeline.graph import VARIABLE
-from imocap_core.pipeline.source import PROJECT
+from tests.processes import forked
 
 HEAD = """
 import os, signal
@@ -90,6 +89,27 @@ def run(ctx, inputs, params):
     return Score(error=error)
 """,
 }
+SCALE_BY_PARTS = """
+class Scaled(Numbers):
+    pass
+
+def run(ctx, inputs, params):
+    came("scale")
+    values = {name: part(ctx, inputs, params, name) for name in inputs.get(Numbers).values}
+    return Scaled(values=values, seed=inputs.get(Numbers).seed)
+
+def part(ctx, inputs, params, name):
+    factor = 2.0 if params.sync.method == "als" else 1.0
+    value = inputs.get(Numbers).values[name]
+
+    def make():
+        came(f"part_{name}")
+        return Numbers(values={"any": factor * value}, seed=0.0)
+
+    return ctx.part("value", {"value": repr(value)}, Numbers, make).values["any"]
+
+make_part = part
+"""
 STAGES = {
     "gather": {"inputs": [], "reads": ["declarations", "detections"], "params": []},
     "scale": {"inputs": ["gather"], "reads": [], "params": ["sync"]},
@@ -114,6 +134,13 @@ class Toy:
         """The action's folder."""
         return self.root / "actions" / "toy"
 
+    def split(self) -> None:
+        """Make the stage `scale` of parts, one a video."""
+        (self.root / "toys" / "scale.py").write_text(HEAD + SCALE_BY_PARTS)
+        graph = yaml.safe_load((self.root / "pipeline.yaml").read_text())
+        graph["stages"]["scale"]["parts"] = "videos"
+        (self.root / "pipeline.yaml").write_text(yaml.safe_dump(graph, sort_keys=False))
+
     def ran(self) -> list[str]:
         """The stages that ran since this was last asked."""
         log = self.root / "ran"
@@ -129,17 +156,17 @@ class Toy:
         found = {stage: store.load("toy", stage) for stage in STAGES}
         return {stage: stored.digest for stage, stored in found.items() if stored is not None}
 
-    def apart(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        """Run `imocap WORDS` as a process of its own."""
-        return subprocess.run(
-            [sys.executable, "-m", "stages", *words, "--root", str(self.root)],
-            cwd=PROJECT,
-            env={**os.environ, "TOY_ROOT": str(self.root), **environment},
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-        )
+    def apart(self, *words: str, **environment: str) -> tuple[int, str]:
+        """Run `imocap WORDS` in a process of its own: its exit code and standard error."""
+        errors = self.root / "errors"
+
+        def run() -> None:
+            os.environ.update(environment)
+            with errors.open("w", buffering=1) as sys.stderr:
+                code = self.imocap(words)
+            sys.exit(code)
+
+        return forked(run), errors.read_text()
 
     def imocap(self, words: Sequence[str]) -> int:
         """Run `imocap WORDS` in this process; its exit code."""

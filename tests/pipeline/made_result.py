@@ -64,14 +64,10 @@ def motion(video: str) -> VideoMotion:
     joints = shaped.pose(local, torch.as_tensor(trans)).joints.numpy()
     count = LENGTHS[video]
     return VideoMotion(
-        id=video,
-        frames=100 + np.arange(count),
-        theta=theta,
-        betas=BETAS,
-        trans=joints[:, 0] - shaped.joints_rest[0].numpy(),
-        joints=joints,
+        id=video, frames=100 + np.arange(count), theta=theta, betas=BETAS,
+        trans=joints[:, 0] - shaped.joints_rest[0].numpy(), joints=joints,
         reprojection_px=np.zeros(count),
-    )
+    )  # fmt: skip
 
 
 def keypoints(video: str) -> VideoKeypoints:

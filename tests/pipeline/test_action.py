@@ -163,9 +163,7 @@ def action(folder: Path, *frames: tuple[int, int] | None) -> Action:
         ((None, None, None), 3),
     ],
 )
-def test_equal_content_with_common_frames_is_reported(
-    tmp_path: Path, spans: tuple[tuple[int, int] | None, ...], count: int
-) -> None:
+def test_equal_content_with_common_frames_is_reported(tmp_path, spans, count):
     lines = repeated_files(action(tmp_path, *spans))
     assert len(lines) == count
     assert all("is the same file as a" in line or "as b" in line for line in lines)

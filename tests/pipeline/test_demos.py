@@ -1,9 +1,9 @@
 """A built-in action is made when it is absent, by older code, or not whole; yours never is."""
 
+import importlib
 import json
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +12,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from imocap_core.pipeline import builtin_actions as demos
+from tests.processes import forked
 
 
 @pytest.fixture
@@ -68,9 +69,7 @@ def test_an_own_action_stays(tmp_path: Path, makes: list[int], display: SimpleNa
 
 @pytest.mark.parametrize("place", ["action.yaml", "videos/v1.mp4", "notes.txt"])
 @pytest.mark.parametrize("record", ["as it is", "without digests", "damaged"])
-def test_a_changed_demo_is_its_user_s(
-    tmp_path: Path, makes: list[int], display: SimpleNamespace, place: str, record: str
-) -> None:
+def test_a_changed_demo_is_its_user_s(tmp_path, makes, display, place, record):
     folder = tmp_path / "yoga"
     demos.ensure("yoga", folder, 7, display)
     file = folder / demos.RECORD
@@ -90,22 +89,23 @@ def test_a_changed_demo_is_its_user_s(
     assert f"{place} in {folder} is yours, so it stays" in reasons[-1]
 
 
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from imocap_core.pipeline import make_demo
-folder = Path(sys.argv[1])
-make_demo._write_videos = lambda name, seed, draft, progress: draft.mkdir() or {}
-rename = Path.rename
-def renamed(path, target):
-    rename(path, target)
-    os.kill(os.getpid(), signal.SIGKILL)
-if sys.argv[2] == "replacing":
-    Path.rename = renamed
-    make_demo.make_demo("yoga", folder, 7)
-kill = lambda draft: os.kill(os.getpid(), signal.SIGKILL)
-make_demo.make_demo("yoga", folder, 7, None, kill)
-"""
+def make_and_die(folder: Path, moment: str) -> None:
+    """In a process that is killed while it makes the demo, or while it puts it in its place."""
+    del sys.modules["imocap_core.pipeline.make_demo"]  # the stand-in
+    make_demo = importlib.import_module("imocap_core.pipeline.make_demo")
+    make_demo._write_videos = lambda name, seed, draft, progress: draft.mkdir() or {}
+    rename = Path.rename
+
+    def die(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def renamed(path: Path, target: Path) -> None:
+        die(rename(path, target))
+
+    if moment == "replacing":
+        Path.rename = renamed  # type: ignore[method-assign,assignment]
+        make_demo.make_demo("yoga", folder, 7)
+    make_demo.make_demo("yoga", folder, 7, None, die)
 
 
 def drafts(folder: Path) -> list[str]:
@@ -114,13 +114,10 @@ def drafts(folder: Path) -> list[str]:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are asked by signals")
 @pytest.mark.parametrize("moment", ["making", "replacing"])
-def test_the_draft_of_a_killed_process_is_swept(
-    tmp_path: Path, makes: list[int], display: SimpleNamespace, moment: str
-) -> None:
+def test_the_draft_of_a_killed_process_is_swept(tmp_path, makes, display, moment):
     folder = tmp_path / "yoga"
     demos.ensure("yoga", folder, 7, display)
-    ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), moment], check=False)
-    assert ended.returncode == -signal.SIGKILL
+    assert forked(make_and_die, folder, moment) == -signal.SIGKILL
     assert len(drafts(folder)) == 1
     assert folder.exists() == (moment == "making")
     ours = tmp_path / ".yoga.mine"

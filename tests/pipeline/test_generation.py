@@ -62,9 +62,7 @@ def test_an_edited_input_makes_results_stale_until_it_is_as_before(toy: Toy) -> 
     assert digests(toy) == plain
 
 
-def test_an_interrupted_run_leaves_a_mixture_that_is_refused(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_run_leaves_a_mixture_that_is_refused(toy, monkeypatch):
     toy.imocap(["run", "toy"])
     (toy.action / "v2.txt").write_text("3.5")
     monkeypatch.setenv("TOY_SCALE", "bad")

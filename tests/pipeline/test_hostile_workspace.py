@@ -11,8 +11,6 @@ from imocap_core.files import appearing
 from imocap_core.pipeline.graph import VARIABLE
 
 if TYPE_CHECKING:
-    import pytest
-
     from tests.pipeline.conftest import Toy
 
 
@@ -34,9 +32,7 @@ def test_a_cached_result_with_a_side_file_outside_is_made_again(toy: Toy) -> Non
         assert toy.digests() == before
 
 
-def test_scripts_of_the_folder_run_only_where_they_are_allowed(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scripts_of_the_folder_run_only_where_they_are_allowed(toy, monkeypatch, capsys):
     monkeypatch.delenv(VARIABLE)
     assert toy.imocap(["run", "toy"]) == 1
     error = capsys.readouterr().err
@@ -51,9 +47,7 @@ def test_scripts_of_the_folder_run_only_where_they_are_allowed(
     assert toy.ran() == ["gather", "scale", "evaluate"]
 
 
-def test_on_a_terminal_scripts_are_asked_for(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_on_a_terminal_scripts_are_asked_for(toy, monkeypatch, capsys):
     monkeypatch.setenv(VARIABLE, "")
     for stream in ("stdin", "stdout"):
         monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)

@@ -6,43 +6,17 @@ import shutil
 from typing import TYPE_CHECKING
 
 import pytest
-import yaml
 
-from tests.pipeline.conftest import ACTION, HEAD
+from tests.pipeline.conftest import ACTION
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy
-
-SCALE = """
-class Scaled(Numbers):
-    pass
-
-def run(ctx, inputs, params):
-    came("scale")
-    values = {name: part(ctx, inputs, params, name) for name in inputs.get(Numbers).values}
-    return Scaled(values=values, seed=inputs.get(Numbers).seed)
-
-def part(ctx, inputs, params, name):
-    factor = 2.0 if params.sync.method == "als" else 1.0
-    value = inputs.get(Numbers).values[name]
-
-    def make():
-        came(f"part_{name}")
-        return Numbers(values={"any": factor * value}, seed=0.0)
-
-    return ctx.part("value", {"value": repr(value)}, Numbers, make).values["any"]
-
-make_part = part
-"""
 
 
 @pytest.fixture
 def parts(toy: Toy) -> Toy:
     """The toy, whose stage `scale` is made of parts, one a video; it has run."""
-    (toy.root / "toys" / "scale.py").write_text(HEAD + SCALE)
-    graph = yaml.safe_load((toy.root / "pipeline.yaml").read_text())
-    graph["stages"]["scale"]["parts"] = "videos"
-    (toy.root / "pipeline.yaml").write_text(yaml.safe_dump(graph, sort_keys=False))
+    toy.split()
     assert toy.imocap(["run", "toy"]) == 0
     assert toy.ran() == ["gather", "scale", "part_v1", "part_v2", "evaluate"]
     return toy
@@ -91,15 +65,9 @@ def test_parts_are_tasks_of_their_own(parts: Toy, capsys: pytest.CaptureFixture[
     assert parts.imocap(["run-all", "toy", "--executor", "serial", "--json"]) == 0
     assert parts.ran() == ["gather", "part_v1", "part_v2", "scale", "evaluate"]
     assert parts.digests() == before
-    shutil.rmtree(parts.root / "artifacts")
-    assert parts.imocap(["run-all", "toy", "--workers", "2", "--json"]) == 0
-    assert sorted(parts.ran()) == ["evaluate", "gather", "part_v1", "part_v2", "scale"]
-    assert parts.digests() == before
 
 
-def test_a_fault_of_a_part_is_that_of_its_stage(
-    parts: Toy, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_of_a_part_is_that_of_its_stage(parts, capsys, monkeypatch):
     shutil.rmtree(parts.root / "artifacts")
     monkeypatch.setenv("TOY_PART_V2", "bad")
     assert parts.imocap(["run-all", "toy", "--executor", "serial"]) == 1

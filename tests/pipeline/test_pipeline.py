@@ -82,9 +82,7 @@ def test_no_default_lives_in_the_file(pipeline: Pipeline, content: dict[str, Any
         ),
     ],
 )
-def test_faults_are_named(
-    tmp_path: Path, content: dict[str, Any], path: tuple[str, ...], value: Any, said: str
-) -> None:
+def test_faults_are_named(tmp_path, content, path, value, said):
     place = content
     for step in path[:-1]:
         place = place[step]
@@ -94,9 +92,7 @@ def test_faults_are_named(
     assert said in str(caught.value)
 
 
-def test_a_file_that_lists_every_value_overrides_the_defaults(
-    tmp_path: Path, content: dict[str, Any]
-) -> None:
+def test_a_file_that_lists_every_value_overrides_the_defaults(tmp_path, content):
     content["params"] = asdict(Params())
     content["params"]["sync"]["max_rate"] = 8
     pipeline = changed(tmp_path, content)
@@ -105,9 +101,7 @@ def test_a_file_that_lists_every_value_overrides_the_defaults(
     assert replace(pipeline.params, sync=Params().sync) == Params()
 
 
-def test_an_empty_section_or_none_gives_the_defaults(
-    tmp_path: Path, content: dict[str, Any]
-) -> None:
+def test_an_empty_section_or_none_gives_the_defaults(tmp_path, content):
     content["params"] = None
     assert changed(tmp_path, content).params == Params()
     del content["params"]

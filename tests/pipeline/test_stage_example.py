@@ -3,11 +3,9 @@
 import json
 import re
 import sys
-from pathlib import Path
 from textwrap import dedent
 
 import numpy as np
-import pytest
 import yaml
 
 from imocap_core.artifacts.store import Store
@@ -30,9 +28,7 @@ def example() -> dict[str, str]:
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
-def test_the_example_runs_and_its_artifact_is_stored(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_example_runs_and_its_artifact_is_stored(tmp_path, monkeypatch):
     files = example()
     graph = yaml.safe_load((PROJECT / "pipeline.yaml").read_text())
     added = yaml.safe_load(files.pop("pipeline.yaml"))["stages"]

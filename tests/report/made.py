@@ -125,14 +125,9 @@ class Made:
             rotations.exp(torch.from_numpy(theta)), torch.from_numpy(trans)
         )
         return VideoMotion(
-            id=self.ids[v],
-            frames=frames,
-            theta=theta.reshape(-1, 72),
-            betas=np.zeros(10),
-            trans=trans,
-            joints=posed.joints.numpy(),
-            reprojection_px=np.zeros(len(frames)),
-        )
+            id=self.ids[v], frames=frames, theta=theta.reshape(-1, 72), betas=np.zeros(10),
+            trans=trans, joints=posed.joints.numpy(), reprojection_px=np.zeros(len(frames)),
+        )  # fmt: skip
 
     def _seen(self, v: int) -> VideoKeypoints:
         xyz = body_points(self.model, self.true[v], LAYOUT, K).keypoints_m
@@ -142,30 +137,18 @@ class Made:
         return made_keypoints(
             self.frames[v],
             LAYOUT,
-            id=self.ids[v],
-            fps=FPS,
-            size=SIZE,
-            xy_px=xy,
-            confidence=np.full(xy.shape[:2], 0.9),
+            id=self.ids[v], fps=FPS, size=SIZE, xy_px=xy, confidence=np.full(xy.shape[:2], 0.9),
             person_box_px=np.concatenate([low, high], axis=1),
-        )
+        )  # fmt: skip
 
     def _camera(self, v: int) -> VideoCameraMotion:
         frames = len(self.frames[v])
         eye = np.tile(np.eye(3), (frames, 1, 1))
         return VideoCameraMotion(
-            id=self.ids[v],
-            K=K,
-            focal_source="assumed",
-            motion="static",
-            note="",
-            residual_px=0.2,
-            H_first_from_frame=eye,
-            R_first_from_frame=eye,
-            zoom=np.ones(frames),
-            inliers=np.full(frames, 80),
-            xy_first_px=self.keypoints.videos[v].xy_px,
-        )
+            id=self.ids[v], K=K, focal_source="assumed", motion="static", note="", residual_px=0.2,
+            H_first_from_frame=eye, R_first_from_frame=eye, zoom=np.ones(frames),
+            inliers=np.full(frames, 80), xy_first_px=self.keypoints.videos[v].xy_px,
+        )  # fmt: skip
 
     def _claimed(self, sigma_mm: float) -> Uncertainty:
         """Every joint is as uncertain as every other, in all directions alike."""
@@ -175,27 +158,17 @@ class Made:
             covariance = np.tile(sigma_mm**2 / 3 * np.eye(3), (len(frames), 24, 1, 1))
             videos.append(
                 VideoUncertainty(
-                    id=video,
-                    frames=frames,
-                    sigma_mm=all_,
-                    depth_mm=all_ / np.sqrt(3),
-                    across_mm=all_ * np.sqrt(2 / 3),
-                    covariance_mm2=covariance.astype(np.float32),
-                    rotation_covariance_deg2=covariance[:, :15].astype(np.float32),
-                    azimuth_deg=0.0,
+                    id=video, frames=frames, sigma_mm=all_, depth_mm=all_ / np.sqrt(3),
+                    across_mm=all_ * np.sqrt(2 / 3), covariance_mm2=covariance.astype(np.float32),
+                    rotation_covariance_deg2=covariance[:, :15].astype(np.float32), azimuth_deg=0.0,
                 )
-            )
+            )  # fmt: skip
         return Uncertainty(
-            videos=videos,
-            median_mm=sigma_mm,
-            weak=[],
-            near=[],
-            near_limit_deg=20.0,
+            videos=videos, median_mm=sigma_mm, weak=[], near=[], near_limit_deg=20.0,
             weak_limit=2.0,
             viewpoints=[Viewpoint(azimuth_deg=a, reduction=0.3 - a / 1800) for a in (0, 90, 180)],
-            azimuth_from="performer",
-            status="made",
-        )
+            azimuth_from="performer", status="made",
+        )  # fmt: skip
 
     def _sync(self, shift: float) -> Sync:
         lengths = [len(f) for f in self.frames]
@@ -213,12 +186,7 @@ class Made:
         phase = np.concatenate(self.frames)
         affinity = np.exp(-(((phase[:, None] - phase[None]) / 3.0) ** 2)).astype(np.float32)
         return Sync(
-            reference="v1",
-            ids=self.ids,
-            lengths=lengths,
-            maps=maps,
-            method="softmap",
-            centrality=np.linspace(1, 0.5, len(lengths)),
-            status="converged",
+            reference="v1", ids=self.ids, lengths=lengths, maps=maps, method="softmap",
+            centrality=np.linspace(1, 0.5, len(lengths)), status="converged",
             **stored_matrix(affinity, self.ids, lengths),
-        )
+        )  # fmt: skip

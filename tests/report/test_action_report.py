@@ -50,19 +50,16 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     assert page.read_text() == "mine"
 
 
-@pytest.mark.parametrize("left", [5000, 0])
-def test_a_page_that_breaks_off_is_made_again(made: Made, tmp_path: Path, left: int) -> None:
+def test_the_report_begins_with_the_verdict_of_the_run_and_what_breaks_off_is_made_again(
+    made, tmp_path
+):
     job = stored_job(tmp_path, made)
     page = finish(job, _outcomes(job))
     whole = page.read_bytes()
-    page.write_bytes(whole[:left])  # as a full disk leaves it
-    finish(job, _outcomes(job))
-    assert page.read_bytes() == whole
-
-
-def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Path) -> None:
-    job = stored_job(tmp_path, made)
-    page = finish(job, _outcomes(job))
+    for left in (5000, 0):
+        page.write_bytes(whole[:left])  # as a full disk leaves it
+        finish(job, _outcomes(job))
+        assert page.read_bytes() == whole
     verdict = verdict_of_run(job, _outcomes(job))
     text = page.with_name("report.md").read_text()
     assert text.startswith(f"# {NAME}: {verdict.level}\n\n" + "\n\n".join(verdict.summary))
@@ -78,22 +75,17 @@ def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Pat
 PRIVATE = '{"title": "a", "pictures": [{"file": "../../../private.jpg", "caption": ""}]}'
 
 
-@pytest.mark.parametrize(
-    "contents", ["{", "[]", '{"title": "a", "pictures": [3]}', "[" * 100_000, PRIVATE]
-)
-def test_damaged_contents_of_a_report_are_refused_in_a_sentence(
-    made: Made, tmp_path: Path, contents: str
-) -> None:
+def test_damaged_contents_of_a_report_are_refused_in_a_sentence(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     file = job.store.report(NAME) / "contents.json"
-    file.write_text(contents)
-    with pytest.raises(WorkFailed, match=r"contents\.json is not as the run wrote it"):
-        finish(job, _outcomes(job))
+    damaged = ("{", "[]", '{"title": "a", "pictures": [3]}', "[" * 100_000, PRIVATE)
+    for contents in damaged:
+        file.write_text(contents)
+        with pytest.raises(WorkFailed, match=r"contents\.json is not as the run wrote it"):
+            finish(job, _outcomes(job))
 
 
-def test_a_run_to_the_motion_has_a_verdict_and_one_before_has_none(
-    made: Made, tmp_path: Path
-) -> None:
+def test_a_run_to_the_motion_has_a_verdict_and_one_before_has_none(made, tmp_path):
     job = stored_job(tmp_path, made)
     stages = [o.stage for o in _outcomes(job)]
     motion = stages.index("refine_sync") + 1

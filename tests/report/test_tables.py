@@ -168,15 +168,10 @@ def test_lenses_by_video(made: Made) -> None:
 
 def test_each_video_says_what_was_asked_and_what_moved() -> None:
     video = RedetectedVideo(
-        id="v2",
-        looked_at=np.array([3, 4, 9]),
-        contradicted=5,
-        frame=np.array([3, 3, 9]),
-        point=np.array([15, 17, 27]),
-        xy_px=np.zeros((3, 2)),
-        xy_first_px=np.zeros((3, 2)),
+        id="v2", looked_at=np.array([3, 4, 9]), contradicted=5, frame=np.array([3, 3, 9]),
+        point=np.array([15, 17, 27]), xy_px=np.zeros((3, 2)), xy_first_px=np.zeros((3, 2)),
         confidence=np.array([0.5, 0.0, 0.7]),
-    )
+    )  # fmt: skip
     (table,) = second_look_tables(Redetect(videos=[video], note=""))
     assert table.rows == [["v2", 3, 5, 2]]
     titles = [column_title(name) for name in table.columns]
@@ -267,15 +262,9 @@ def changed(made: Made, **values: object) -> Uncertainty:
 
 def span(video: str, sigma_mm: float) -> WeakSpan:
     return WeakSpan(
-        video=video,
-        joint="left_wrist",
-        first_frame=36,
-        last_frame=57,
-        begin_s=1.2,
-        end_s=1.9,
-        sigma_mm=sigma_mm,
-        of_median=sigma_mm / 20,
-    )
+        video=video, joint="left_wrist", first_frame=36, last_frame=57, begin_s=1.2, end_s=1.9,
+        sigma_mm=sigma_mm, of_median=sigma_mm / 20,
+    )  # fmt: skip
 
 
 def test_a_joint_is_named_with_its_time(made: Made) -> None:

@@ -84,13 +84,10 @@ def result_of(
 def _hands(made: Made, v: int) -> VideoHands:
     count, rng = len(made.frames[v]), np.random.default_rng(v)
     return VideoHands(
-        id=made.ids[v],
-        frames=made.frames[v],
-        fingers=0.4 * rng.standard_normal((count, 2, 15, 3)),
-        wrists=0.3 * rng.standard_normal((count, 2, 3)),
-        points_m=np.zeros((count, 2, 21, 3)),
+        id=made.ids[v], frames=made.frames[v], fingers=0.4 * rng.standard_normal((count, 2, 15, 3)),
+        wrists=0.3 * rng.standard_normal((count, 2, 3)), points_m=np.zeros((count, 2, 21, 3)),
         visible=np.ones((count, 2), dtype=np.int64),
-    )
+    )  # fmt: skip
 
 
 def page_of(

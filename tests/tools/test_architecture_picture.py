@@ -28,9 +28,7 @@ def lines_in(drawing: str) -> int:
     return int(total.replace(",", ""))
 
 
-def test_the_committed_picture_shows_the_code(
-    stages: list[StageBox], bands: list[list[RoomBox]]
-) -> None:
+def test_the_committed_picture_shows_the_code(stages, bands):
     committed = TARGET.read_text(encoding="utf-8")
     assert names_in(committed, "stage") == [stage.name for stage in stages], ADVICE
     assert names_in(committed, "artifact") == [stage.artifact for stage in stages], ADVICE
@@ -39,9 +37,7 @@ def test_the_committed_picture_shows_the_code(
     assert lines_in(committed) == pytest.approx(total, rel=0.1), ADVICE
 
 
-def test_the_same_code_gives_the_same_bytes(
-    stages: list[StageBox], bands: list[list[RoomBox]]
-) -> None:
+def test_the_same_code_gives_the_same_bytes(stages, bands):
     drawing = tool.picture(stages, bands)
     assert drawing == tool.picture(tool.stages_of_code(), tool.rooms_of_code())
 

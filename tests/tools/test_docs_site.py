@@ -108,9 +108,7 @@ def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) 
     assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions.md)"
 
 
-def test_viewers_take_the_place_of_their_pictures_where_they_were_made(
-    hooks: ModuleType, tmp_path: Path
-) -> None:
+def test_viewers_take_the_place_of_their_pictures_where_they_were_made(hooks, tmp_path):
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     assert hooks.with_viewers(text, tmp_path) == text  # pictures, as in the repository
     (tmp_path / "yoga.html").write_bytes(b"a" * 1_250_000)
@@ -139,11 +137,8 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert MKDOCS is not None
     done = subprocess.run(
         [MKDOCS, "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
-        cwd=ROOT,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
+        cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True,
         check=False,
-    )
+    )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "site" / "tutorial.html").is_file()

@@ -47,16 +47,10 @@ def named_modules() -> list[str]:
         ("imocap_core.camera", "yaml", "Pure rooms do no input or output of their own"),
         ("imocap_core.artifacts", "stages", "The core never imports the stages"),
         ("imocap_core.artifacts", "benchmarks", "The core never imports the stages"),
-        (
-            "imocap_core.detect.workers",
-            "imocap_core.body",
-            "What runs in a separate environment",
-        ),
+        ("imocap_core.detect.workers", "imocap_core.body", "What runs in a separate environment"),
     ],
 )
-def test_a_wrong_arrow_is_seen(
-    tmp_path: Path, importer: str, imported: str, contract: str | None
-) -> None:
+def test_a_wrong_arrow_is_seen(tmp_path, importer, imported, contract):
     for module in named_modules():
         folder = tmp_path.joinpath(*module.split("."))
         folder.mkdir(parents=True, exist_ok=True)

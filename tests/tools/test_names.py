@@ -74,5 +74,6 @@ def test_only_what_is_beyond_its_budget_is_a_fault() -> None:
     assert fault.startswith("functions of the core with more than 8 arguments: 20")
 
 
+@pytest.mark.long  # as `make lint` says
 def test_the_project_keeps_the_rule() -> None:
     assert main() == 0

@@ -54,15 +54,7 @@ def test_a_python_of_another_version_does_not_count(machine: Path) -> None:
         ("sleep 60", "exit 2", 0, "skipped Python 3.99: its installation took longer than 0.5 s"),
     ],
 )
-def test_only_a_failing_test_is_a_failure(
-    machine: Path,
-    capfd: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    install: str,
-    tests: str,
-    code: int,
-    line: str,
-) -> None:
+def test_only_a_failing_test_is_a_failure(machine, capfd, monkeypatch, install, tests, code, line):
     script(machine / "bin" / "python3.99", ANSWERS)
     script(
         machine / "bin" / "make", f'#!/bin/sh\ncase "$2" in setup) {install};; *) {tests};; esac\n'

@@ -20,9 +20,7 @@ def test_the_tests_look_for_their_readers_by_the_variable(name: str) -> None:
         assert any(group.variable in file.read_text(encoding="utf-8") for file in files), test
 
 
-def test_what_cannot_be_installed_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_installed_is_named(monkeypatch, capsys):
     for group in readers.GROUPS.values():
         monkeypatch.delenv(group.variable, raising=False)
     monkeypatch.setattr(readers, "install", lambda name, seconds: "no network")
@@ -57,9 +55,7 @@ def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "no readers maya; there are: blender" in capsys.readouterr().err
 
 
-def test_a_changed_list_of_packages_is_installed_again(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_changed_list_of_packages_is_installed_again(monkeypatch, tmp_path):
     started = []
 
     class Done:

@@ -61,9 +61,7 @@ def test_every_package_has_its_version_and_licence_on_the_page() -> None:
         ),
     ],
 )
-def test_an_audit_that_was_not_made_is_no_success(
-    dependencies: list[dict[str, object]], line: str, code: int
-) -> None:
+def test_an_audit_that_was_not_made_is_no_success(dependencies, line, code):
     lines, exit_code = tool("audit").outcome(dependencies)
     assert line in lines[0]
     assert exit_code == code

@@ -108,9 +108,7 @@ def test_no_name_can_end_the_page_s_elements(made: Made) -> None:
 
 @pytest.mark.parametrize("answer", ["initial", "final"])
 @pytest.mark.parametrize("video", [0, 2])
-def test_skinned_from_the_page_the_surface_is_the_body_s(
-    page: Page, made: Made, video: int, answer: str
-) -> None:
+def test_skinned_from_the_page_the_surface_is_the_body_s(page, made, video, answer):
     motion = {"initial": made.bent, "final": made.final}[answer][video]
     frames = [0, 7, 15]
     own = surfaces(made.model, motion, frames)
@@ -323,9 +321,7 @@ def test_contacts_are_on_the_common_axis() -> None:
     assert spans == {"left": [[0.5, 0.6], [1.3, 1.3]], "right": []}
 
 
-def test_findings_have_their_place_on_the_common_axis(
-    made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_findings_have_their_place_on_the_common_axis(made, monkeypatch):
     verdict = Verdict(
         ("Doubtful.",),
         (

@@ -458,9 +458,7 @@ def test_the_scene_is_seen_from_the_front_the_side_and_above(browser: Browser) -
     assert turns[2] == pytest.approx([turns[0][0], 1.5])
 
 
-def test_a_video_of_another_action_has_no_place(
-    made: Made, browser: Browser, page: Page, tmp_path: Path
-) -> None:
+def test_a_video_of_another_action_has_no_place(made, browser, page, tmp_path):
     sync = made.refined.sync.model_copy(update={"excluded": ["v2"]})
     other = page_of(made, "two of three", sync=sync)
     assert other.header["videos"][1]["role"] == "another action"
