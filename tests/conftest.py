@@ -1,6 +1,7 @@
 """Settings shared by the whole suite."""
 
 import gc
+import os
 import pickle
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 
+from imocap_core.workers import take_share
 from tests.shape_check import begin_test, check_annotations
 
 if TYPE_CHECKING:
@@ -80,6 +82,12 @@ check_annotations(CHECKED)
 # failure on every machine.
 settings.register_profile("imocap", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("imocap")
+
+
+def pytest_configure() -> None:
+    """One core for each of several workers: two threads of a solve would wait for one another."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        take_share(1)
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` chooses
