@@ -4,7 +4,14 @@ import os
 
 import pytest
 
+from imocap_core import workers
 from imocap_core.workers import at_once, cores, in_turn
+
+
+@pytest.fixture(autouse=True)
+def of_no_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests' own workers have a share of the cores."""
+    monkeypatch.delattr(workers._of_thread, "cores", raising=False)
 
 
 def test_at_once_answers_in_the_order_asked() -> None:
