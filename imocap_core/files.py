@@ -65,7 +65,7 @@ def _remove_abandoned_drafts(folder: Path) -> None:
 
 
 @contextmanager
-def draft_of(file: Path) -> Iterator[Path]:
+def atomic_write(file: Path) -> Iterator[Path]:
     """An empty file beside `file`, which becomes `file` at once when the body ends, or never.
 
     Drafts that killed processes left in the folder are removed.
@@ -123,7 +123,7 @@ def publish_once(draft: Path, file: Path) -> None:
 @contextmanager
 def appearing(file: Path) -> Iterator[BinaryIO]:
     """A stream whose content becomes `file` at once, or never."""
-    with draft_of(file) as draft, draft.open("w+b") as stream:
+    with atomic_write(file) as draft, draft.open("w+b") as stream:
         yield stream
 
 
@@ -160,7 +160,7 @@ def record_made(folder: Path, names: Iterable[str]) -> None:
     write_whole(folder / RECORD, json.dumps(made, indent=1, sort_keys=True) + "\n")
 
 
-def peoples_files(folder: Path) -> list[str]:
+def user_files(folder: Path) -> list[str]:
     """The files of a folder, by their relative names, that somebody put there or changed."""
     made = _made(folder)
     return sorted(

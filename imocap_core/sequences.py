@@ -24,7 +24,7 @@ def runs(flags: Bool[np.ndarray, " T"], least: int = 1, gap: int = 0) -> list[tu
     return [(int(a), int(b)) for a, b in zip(begins, ends, strict=True) if b - a + 1 >= least]
 
 
-def cheapest_states(
+def viterbi(
     first: Float[np.ndarray, " S"], steps: Float[np.ndarray, "T S S"]
 ) -> Int[np.ndarray, " _"]:
     """States (T + 1,) of least total cost.

@@ -14,7 +14,7 @@ from imocap_core.pipeline.format_names import DetectionFormat, Layout
 KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5", ".npy", ".tsv", ".jsonl")
 # Where the keypoints of videos/clip.mp4 may be: folders of these names, and (but for the first)
 # files of these names with one of the suffixes; {} is the video's name without its suffix.
-BESIDE = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
+KEYPOINT_PLACES = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def _parts(word: str) -> tuple[Path | None, Path | None]:
 
 def _beside(video: Path) -> Path | None:
     """The keypoints beside a video, in one of the usual places."""
-    places = [video.parent / pattern.format(video.stem) for pattern in BESIDE]
+    places = [video.parent / pattern.format(video.stem) for pattern in KEYPOINT_PLACES]
     folders = [p for p in places if p.is_dir() and any(p.glob("*.json"))]
     files = [p.with_name(p.name + suffix) for p in places[1:] for suffix in KEYPOINT_SUFFIXES]
     return next(iter([*folders, *(file for file in files if file.is_file())]), None)

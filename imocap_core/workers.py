@@ -1,5 +1,4 @@
-"""Map functions that run in sequence or on threads; the results are the same. And the command line
-of a worker process."""
+"""Serial and threaded maps with equal results, and the command line of a worker process."""
 
 from __future__ import annotations
 
@@ -11,17 +10,17 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any
 
-Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map
+MapFn = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map
 
 _of_thread = threading.local()  # cores: a worker's share of them
 
 
-def in_turn(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+def serial_map(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     """Map in sequence."""
     return [work(item) for item in items]
 
 
-def on(pool: Executor) -> Each:
+def on(pool: Executor) -> MapFn:
     """Map on the threads of a pool."""
     return lambda work, items: list(pool.map(work, items))
 
@@ -37,11 +36,13 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def at_once(work: Callable[[Any], Any], items: Sequence[Any], most: int | None = None) -> list[Any]:
+def thread_map(
+    work: Callable[[Any], Any], items: Sequence[Any], most: int | None = None
+) -> list[Any]:
     """Map on as many threads as there are cores, or `most` where that is fewer."""
     workers = max(1, min(len(items), cores() if most is None else min(cores(), most)))
     if workers == 1:
-        return in_turn(work, items)
+        return serial_map(work, items)
     share = max(1, cores() // workers)
     with ThreadPoolExecutor(workers, initializer=take_share, initargs=(share,)) as pool:
         return on(pool)(work, items)

@@ -20,7 +20,7 @@ from imocap_core.motion.gauss_newton import motions_at_once
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
@@ -39,7 +39,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
 
     longest = max(video.frames for video in videos.values())
     most = motions_at_once(2 * longest)  # a video's starts are fitted at once, too
-    result = joined(at_once(part, ids, most), ids)
+    result = joined(thread_map(part, ids, most), ids)
     if len(ids) > 1 and params.initial_smpl.hypotheses > 1:
         ctx.progress(0.8, "sides that the other videos' motions swap")
         prior, singles = load_pose_prior(ctx.device), list(videos.values())

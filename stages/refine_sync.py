@@ -164,8 +164,8 @@ def _in_turn(
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
-        afresh = shows_one_motion(motion)
-        return begun.problem.recovered(sync, motion, solving, afresh=afresh)
+        restart = shows_one_motion(motion)
+        return begun.problem.recovered(sync, motion, solving, restart=restart)
 
     def finish(sync: Sync, motion: JointMotion) -> JointMotion | None:
         if shows_one_motion(motion):

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from imocap_core.sequences import (
     BRIDGED_S,
-    cheapest_states,
     even_moments,
     is_constant_rate,
     points_at_moments,
     typical_step_s,
+    viterbi,
 )
 
 STEPS = st.lists(st.floats(0.01, 0.09), min_size=3, max_size=60)
@@ -94,10 +94,10 @@ def test_no_other_sequence_is_cheaper() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
         first, steps = rng.random(3), rng.random((4, 3, 3))
-        best = tuple(int(state) for state in cheapest_states(first, steps))
+        best = tuple(int(state) for state in viterbi(first, steps))
         every = product(range(3), repeat=5)
         assert best == min(every, key=lambda states: cost(states, first, steps))
 
 
 def test_one_frame_is_in_its_cheapest_state() -> None:
-    assert cheapest_states(np.array([2.0, 1.0]), np.zeros((0, 2, 2))).tolist() == [1]
+    assert viterbi(np.array([2.0, 1.0]), np.zeros((0, 2, 2))).tolist() == [1]

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from imocap_core import workers
-from imocap_core.workers import at_once, cores, in_turn
+from imocap_core.workers import cores, serial_map, thread_map
 
 
 @pytest.fixture(autouse=True)
@@ -16,17 +16,17 @@ def of_no_worker(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_at_once_answers_in_the_order_asked() -> None:
     items = list(range(20))
-    assert at_once(lambda n: n * n, items) == in_turn(lambda n: n * n, items)
-    assert at_once(lambda n: n, []) == []
+    assert thread_map(lambda n: n * n, items) == serial_map(lambda n: n * n, items)
+    assert thread_map(lambda n: n, []) == []
 
 
 def test_workers_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work that is on a thread of its own does not start as many threads once more."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(5), raising=False)
-    assert at_once(lambda _: cores(), range(2)) == [2, 2]
-    assert at_once(lambda _: cores(), range(7)) == [1] * 7
-    assert at_once(lambda _: at_once(lambda _: cores(), range(2)), range(2)) == [[1, 1]] * 2
-    assert at_once(lambda _: cores(), range(2), most=1) == [5, 5]
+    assert thread_map(lambda _: cores(), range(2)) == [2, 2]
+    assert thread_map(lambda _: cores(), range(7)) == [1] * 7
+    assert thread_map(lambda _: thread_map(lambda _: cores(), range(2)), range(2)) == [[1, 1]] * 2
+    assert thread_map(lambda _: cores(), range(2), most=1) == [5, 5]
     assert cores() == 5
 
 

@@ -25,7 +25,7 @@ from imocap_core.camera.tilt_evidence import LevelPrior, camera_angles_deg
 from imocap_core.motion.hands_on_ground import hands_on_ground
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp, log, unwrap
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 
 def level_prior(fit: FitParams) -> LevelPrior:
@@ -89,7 +89,7 @@ def grounds_of(
         body = FilmedBody(videos[v].joints, keypoints.videos[v].fps, R_mean)
         return stored_ground(estimate_ground([body], level_prior(fit)))
 
-    return at_once(ground, range(len(videos)))
+    return thread_map(ground, range(len(videos)))
 
 
 def held_deg(

@@ -49,7 +49,7 @@ def explained_keypoints(
     initial: InitialSmpl, keypoints: Keypoints, chosen: Mapping[str, str]
 ) -> Keypoints:
     """The detections as the chosen motions explain them: sides swapped where these say so."""
-    states = swapped_sides(initial, chosen)
+    states = left_right_swaps(initial, chosen)
     videos = []
     for video in keypoints.videos:
         if video.id in states:
@@ -68,7 +68,7 @@ def explained_detections(
     initial: InitialSmpl, keypoints: Keypoints, cameras: CameraMotion, chosen: Mapping[str, str]
 ) -> CameraMotion:
     """The warped detections, likewise."""
-    states = swapped_sides(initial, chosen)
+    states = left_right_swaps(initial, chosen)
     videos = []
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
         if video.id in states:
@@ -79,7 +79,7 @@ def explained_detections(
     return CameraMotion(videos=videos)
 
 
-def swapped_sides(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
+def left_right_swaps(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
     """What the chosen motions swap (states of `swapped_by_others`), of the videos where they do."""
     return {
         a.motion.id: a.swapped

@@ -12,7 +12,7 @@ from imocap_core.adapters.hypotheses import (
     chosen_motions,
     explained_detections,
     explained_keypoints,
-    swapped_sides,
+    left_right_swaps,
 )
 from imocap_core.adapters.observations import (
     body_for,
@@ -62,7 +62,7 @@ def is_one_motion(
     return bool(deviation <= ONE_MOTION_M and path <= ONE_PATH_M)
 
 
-AS_WELL = 0.001  # difference of logarithms within which two motions explain keypoints alike
+EQUAL_LOG_MISFIT = 0.001  # within which two motions explain the keypoints alike
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,9 @@ class JointProblem:
         return problem, replace(motion, cameras=cameras, common=None)
 
     def recovered(
-        self, sync: SyncSummary, before: JointMotion, progress: Progress, *, afresh: bool
+        self, sync: SyncSummary, before: JointMotion, progress: Progress, *, restart: bool
     ) -> JointMotion:
-        """The motion with other correspondences, begun at an earlier one: afresh, or where that
+        """The motion with other correspondences, from an earlier one's start or from where that
         stopped (docs/decisions.md)."""
         return recover_motion(
             self.synchronised(sync).scene,
@@ -105,19 +105,19 @@ class JointProblem:
             progress,
             cameras=before.cameras,
             swapped=before.swapped,
-            afresh=afresh,
+            restart=restart,
         )
 
     def solved_afresh(
         self, sync: SyncSummary, before: JointMotion, progress: Progress
     ) -> JointMotion | None:
         """The last solve, after the loop; None where it explains the videos' keypoints worse."""
-        motion = self.recovered(sync, before, progress, afresh=True)
+        motion = self.recovered(sync, before, progress, restart=True)
         matched = self.synchronised(sync)
         left, left_before = (
             unexplained(matched.scene_of(m), m.state.uncached()) for m in (motion, before)
         )
-        return motion if left <= left_before + AS_WELL else None
+        return motion if left <= left_before + EQUAL_LOG_MISFIT else None
 
     def result(self, motion: JointMotion) -> SmplBa:
         """SMPL-BA's result as an artifact: as filmed, and of all videos."""
@@ -197,7 +197,7 @@ def problem_of(
         estimated_joints(participants.initial),
         participants.initial.path_units,
     )
-    swaps, videos = swapped_sides(initial, chosen), participants.keypoints.videos
+    swaps, videos = left_right_swaps(initial, chosen), participants.keypoints.videos
     observations = [
         replace(o, swapped=swaps.get(video.id))
         for o, video in zip(observations, videos, strict=True)

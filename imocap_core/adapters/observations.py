@@ -174,7 +174,7 @@ def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 
     return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in JOINT_READERS}
 
 
-# what the states of `sync.hypotheses.swapped_sides.swapped_by_others` swap
+# what the states of `sync.hypotheses.swapped_by_others` swap
 PARTS: dict[int, Literal["above the hips", "legs", "body"]] = {
     1: "above the hips",
     2: "legs",

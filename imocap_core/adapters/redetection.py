@@ -97,11 +97,11 @@ def contradicted_videos(
             continue
         used, here = columns[video.layout]
         as_detected = o.swapped_states == 0
-        is_told = as_detected & np.isfinite(others.xy_px[:, here]).all(axis=(1, 2))
+        has_prediction = as_detected & np.isfinite(others.xy_px[:, here]).all(axis=(1, 2))
         wrong = np.zeros(video.confidence.shape, dtype=bool)
         wrong[:, used] = contradicted(o, others, scene.body.keypoints.names)[:, here]
-        lost = is_told & ~(video.confidence > 0).any(axis=1)
-        rows = np.flatnonzero(lost | (is_told & wrong.any(axis=1)))
+        lost = has_prediction & ~(video.confidence > 0).any(axis=1)
+        rows = np.flatnonzero(lost | (has_prediction & wrong.any(axis=1)))
         if len(rows):
             xy_px = np.full((len(rows), *video.xy_px.shape[1:]), np.nan)
             xy_px[:, used] = _in_pictures(others.xy_px[:, here][rows], rows, camera)

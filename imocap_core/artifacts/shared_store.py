@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
-from imocap_core.files import draft_folder, draft_of, publish_once, writer
+from imocap_core.files import atomic_write, draft_folder, publish_once, writer
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.codec import Content
@@ -57,7 +57,7 @@ LOG = logging.getLogger("imocap")  # where nothing is configured, warnings go to
 Value = TypeVar("Value")
 
 
-class PatientFiles:
+class RetryingStore:
     """The files of a shared store; what fails is tried again for PATIENCE_S seconds.
 
     Then, and at once where waiting does not help (refused credentials, a full disk), WorkFailed.
@@ -161,7 +161,7 @@ class FolderFiles:
 
     def publish(self, file: Path, name: str) -> None:
         """Make the content of `file` the one of this name: written aside, then renamed."""
-        with draft_of(self._existing() / name) as draft:
+        with atomic_write(self._existing() / name) as draft:
             shutil.copyfile(file, draft)
 
     def _existing(self) -> Path:
@@ -250,7 +250,7 @@ def fetch_artifact(shared: SharedFiles, stage: str, key: str, file: Path) -> Con
     None when there is none, or none that can be read back and was made under this key.
     """
     try:
-        with draft_of(file) as draft:
+        with atomic_write(file) as draft:
             if not shared.fetch(_name(stage, f"{key}.mcap"), draft):
                 raise ArtifactCorrupt("there is none")
             return _checked(draft, key)
@@ -331,10 +331,10 @@ def shared_files(url: str) -> SharedFiles:
     What fails is tried again for a while (patience.py). WorkFailed when its kind cannot be used.
     """
     if "://" not in url or url.startswith(FILE_URL):
-        return PatientFiles(FolderFiles(Path(url.removeprefix(FILE_URL)).absolute()))
+        return RetryingStore(FolderFiles(Path(url.removeprefix(FILE_URL)).absolute()))
 
     try:
-        return PatientFiles(remote_files(url))
+        return RetryingStore(remote_files(url))
     except ImportError as error:
         needed = error.name or str(error)
         raise WorkFailed(MISSING.format(url=url, needed=needed)) from None

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from imocap_core.errors import WorkFailed
-from imocap_core.files import peoples_files, record_made
+from imocap_core.files import record_made, user_files
 from imocap_core.identifiers import is_portable
 
 
@@ -88,7 +88,7 @@ def replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).write_bytes(data)
         record_made(fresh, files)
-        for name in sorted(peoples_files(folder), key=lambda name: name in files):
+        for name in sorted(user_files(folder), key=lambda name: name in files):
             _copy(folder / name, _free(fresh / name))
         if folder.exists():
             os.replace(folder, old)

@@ -209,7 +209,7 @@ def _pixels(points: Float[np.ndarray, "T 3"], K: Float[np.ndarray, "3 3"]) -> np
 
 
 WINDOW_S = 0.1
-STILL = 0.012  # of the person's size, over the window
+STILL_SHARE = 0.012  # of the person's size, over the window
 LEAST_SPEED_M_S = 1.0
 LEAST_SLIDING_FRAMES = 2
 
@@ -241,7 +241,7 @@ def slides(
         return []
     speed = np.linalg.norm(ankle_m[step:] - ankle_m[:-step], axis=-1) * fps / step
     moved = np.linalg.norm(ankle_px[step:] - ankle_px[:-step], axis=-1) / size_px
-    sliding = (speed > LEAST_SPEED_M_S) & (np.nan_to_num(moved, nan=np.inf) < STILL)
+    sliding = (speed > LEAST_SPEED_M_S) & (np.nan_to_num(moved, nan=np.inf) < STILL_SHARE)
     return [
         Slide(first, last + step, float(speed[first : last + 1].max()))
         for first, last in runs(sliding, LEAST_SLIDING_FRAMES, step)

@@ -207,7 +207,7 @@ def pose_change(xy_px: Float[np.ndarray, "T K 2"], size_px: float) -> float:
     return float(np.nanmean(distance[enough], axis=1).max() / size_px)
 
 
-BESIDE = 2  # frames
+NEAR_FRAMES = 2  # frames
 
 
 def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -> list[Finding]:
@@ -225,7 +225,7 @@ def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -
         others = [
             back
             for back in collapses(inverse, limbs_px(reference), reference.fps)
-            if not any(s.first - BESIDE <= back.moment <= s.last + BESIDE for s in spans)
+            if not any(s.first - NEAR_FRAMES <= back.moment <= s.last + NEAR_FRAMES for s in spans)
         ]
         findings += [_finding(video, reference, span) for span in spans]
         findings += [_finding(reference, video, span) for span in others]

@@ -40,7 +40,7 @@ from imocap_core.metrics.whole_body import (
     vertex_distances_mm,
     volumes_m3,
 )
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 TORSO = ("spine1", "spine2", "spine3", "left_collar", "right_collar")
 """The torso above the pelvis, whose own volume changes whenever the hips bend."""
@@ -208,7 +208,7 @@ def whole_body_rows(
             for name, motion, of_surface in zip(names, motions, surfaces, strict=True)
         ]
 
-    videos = at_once(of_video, range(len(keypoints.videos)))
+    videos = thread_map(of_video, range(len(keypoints.videos)))
     return [[row for of_result in videos for row in of_result[k]] for k in range(len(results))]
 
 

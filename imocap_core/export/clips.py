@@ -15,7 +15,7 @@ from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.io.writers.rigs import as_rig, skin_as_rig
 from imocap_core.result.derived import FootLock, loop, with_locked_feet
 from imocap_core.result.result import ActionResult
-from imocap_core.result.video import STILL, VideoResult
+from imocap_core.result.video import STATIC_TOLERANCE, VideoResult
 from imocap_core.result.video_motion import shaped_body
 
 
@@ -40,11 +40,11 @@ def clip_of(video: VideoResult, shaped: Shaped) -> MotionClip:
 def camera_of(video: VideoResult) -> ClipCamera:
     """The camera that filmed it, with one rotation and one zoom where it is static."""
     camera = video.camera
-    turning = np.abs(camera.R_first_from_frame - np.eye(3)).max() > STILL
+    turning = np.abs(camera.R_first_from_frame - np.eye(3)).max() > STATIC_TOLERANCE
     return ClipCamera(
         id=video.id,
         K=camera.K,
-        zoom=camera.zoom if np.ptp(camera.zoom) > STILL else camera.zoom[:1],
+        zoom=camera.zoom if np.ptp(camera.zoom) > STATIC_TOLERANCE else camera.zoom[:1],
         size=camera.size,
         R_cam_from_world=camera.R_per_frame if turning else camera.R[None],
         centre=camera.centre[None] if camera.path_m is None else camera.centre_per_frame,

@@ -46,7 +46,7 @@ from imocap_core.figures.overlays import (
 from imocap_core.figures.style import write
 from imocap_core.io.video import read_rgb_of
 from imocap_core.render import UP, VIEWS, common_scale, draw_view, heading_of, segment_colors
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 
 def surfaces(
@@ -286,7 +286,7 @@ def results_sheet(
             bodies.append(body)
         return row, from_the_side(np.stack(bodies), faces)
 
-    over, side = zip(*at_once(rows, results), strict=True)
+    over, side = zip(*thread_map(rows, results), strict=True)
     return contact_sheet(
         [*over, *side],
         [*(r.name for r in results), *(f"{r.name},\nfrom the side" for r in results)],

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from imocap_core.files import draft_of
+from imocap_core.files import atomic_write
 
 INK = "#22262b"
 QUIET = "#5c636c"
@@ -97,7 +97,7 @@ def save(figure: Figure, path: Path) -> None:
     if engine is not None:
         engine.execute(figure)
         figure.set_layout_engine(None)
-    with draft_of(path) as draft:
+    with atomic_write(path) as draft:
         if path.suffix == ".png":
             figure.savefig(draft, dpi=DPI, metadata={"Software": None})
         else:

@@ -29,7 +29,7 @@ from av.video.reformatter import Colorspace
 from av.video.stream import VideoStream
 from jaxtyping import Float, Int, UInt8
 
-from imocap_core.files import draft_of
+from imocap_core.files import atomic_write
 from imocap_core.limits import MAX_ELEMENTS, MAX_FPS, MAX_PIXELS, MAX_SIDE_PX, MIN_FPS
 
 SQUARE = 0.01  # nearer to 1, an aspect ratio is that of square pixels in a rounded size
@@ -278,7 +278,7 @@ def write_h264(
     count = 0
     options = {"fflags": "+bitexact", **({"movflags": "+faststart"} if faststart else {})}
     with (
-        draft_of(path) as draft,
+        atomic_write(path) as draft,
         av.open(str(draft), "w", format="mp4", options=options) as container,
     ):
         encoder = film_encoder()

@@ -29,7 +29,7 @@ from torch import Tensor
 from imocap_core.motion.normal import NormalEquations, Reduced, solve_globals
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
-from imocap_core.workers import Each, cores, in_turn, on
+from imocap_core.workers import MapFn, cores, on, serial_map
 
 FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-3, 1e-9, 1e6
 EASE, STIFFEN = 5.0, 8.0  # factors of the damping after a step down, and after a rejected one
@@ -154,7 +154,7 @@ def _with_padding(normal: NormalEquations, state: MotionState) -> NormalEquation
     return normal
 
 
-def linearise_halves(terms: Sequence[Term], state: MotionState, each: Each) -> NormalEquations:
+def linearise_halves(terms: Sequence[Term], state: MotionState, each: MapFn) -> NormalEquations:
     """`linearise`, every second term by itself."""
     halves = [terms[k::HALVES] for k in range(min(HALVES, len(terms)))]
     first, *others = each(lambda half: _of_terms(half, state), halves)
@@ -190,7 +190,7 @@ class SolverMotion:
     terms: list[Term]
     state: MotionState
 
-    def cost(self, each: Each = in_turn) -> float:
+    def cost(self, each: MapFn = serial_map) -> float:
         """Its objective; ``each`` runs the terms."""
         costs = each(lambda term: term.cost(self.state), self.terms)
         return float(torch.stack(costs).sum())
@@ -229,15 +229,15 @@ def gauss_newton(
     rows = [[v for v, b in enumerate(of_motion) if b == body] for body in dict.fromkeys(of_motion)]
     with ThreadPoolExecutor(workers) as pool:
         apart = not shared_globals and at_once > 1
-        threads = on(pool) if workers > 1 else in_turn
+        threads = on(pool) if workers > 1 else serial_map
 
         def bring_down(row: list[int]) -> Descent[list[SolverMotion]]:
             group = [motions[v] for v in row]
-            each = in_turn if apart else threads
+            each = serial_map if apart else threads
             problem = _OneBody.of(group, each, free_shape, at_once, at_once * longest, count == 1)
             return descend(problem, group, max_steps=max_steps, tolerance=relative_tolerance)
 
-        descents = (threads if apart else in_turn)(bring_down, rows)
+        descents = (threads if apart else serial_map)(bring_down, rows)
     solved = {
         v: (motion.state, bool(descent.converged[0]))
         for row, descent in zip(rows, descents, strict=True)
@@ -303,8 +303,8 @@ class _OneBody:
             rejected step.
     """
 
-    each: Each
-    within: Each
+    each: MapFn
+    within: MapFn
     free_shape: bool
     held: bool
     alone: bool
@@ -313,7 +313,7 @@ class _OneBody:
     def of(
         cls,
         motions: Sequence[SolverMotion],
-        each: Each,
+        each: MapFn,
         free_shape: bool,
         at_once: int,
         frames: int,
@@ -328,8 +328,8 @@ class _OneBody:
         of_body = sum(motion.state.valid.shape[1] for motion in motions)
         held = max(of_body, frames) + frames <= MOST_HELD  # equations, and factors of some
         if len(motions) == 1 or at_once == 1:
-            return cls(in_turn, each, free_shape, held, alone)
-        return cls(each, in_turn, free_shape, held, alone)
+            return cls(serial_map, each, free_shape, held, alone)
+        return cls(each, serial_map, free_shape, held, alone)
 
     def cost(self, state: list[SolverMotion]) -> Float[np.ndarray, "1"]:
         """Sum of the motions' objectives."""

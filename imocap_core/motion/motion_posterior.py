@@ -65,7 +65,7 @@ from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import Reprojection, Term
 from imocap_core.params import MotionParams
 from imocap_core.rotations import hat
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 T = TypeVar("T")
 
@@ -374,7 +374,7 @@ def motion_posterior(
 
     frames = result.state.valid.shape[1]
     performers, most = scene.performers, motions_at_once(POSTERIOR_MEMORY * frames)
-    by_video: list[_VideoCovariance] = at_once(of_video, range(videos), most)
+    by_video: list[_VideoCovariance] = thread_map(of_video, range(videos), most)
     shapes = [
         torch.linalg.inv(
             torch.stack([v.schur for v, q in zip(by_video, performers, strict=True) if q == p]).sum(

@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.workers import Each, in_turn
+from imocap_core.workers import MapFn, serial_map
 
 MIDDLE = 2  # frames between the halves: as many as a frame couples to
 BLOCK = 32  # frames whose columns are laid out at once
@@ -48,7 +48,7 @@ def solve_pentadiagonal(
     next1: Float[Tensor, "T n n"],
     next2: Float[Tensor, "T n n"],
     right: Float[Tensor, "T n k"],
-    each: Each = in_turn,
+    each: MapFn = serial_map,
     *,
     in_place: bool = False,
 ) -> Float[Tensor, "T n k"]:
@@ -256,7 +256,7 @@ class NormalEquations:
         return replace(self, **{name: getattr(self, name)[:, frames] for name in names})
 
     def reduce(
-        self, damping: float | Tensor, each: Each = in_turn, *, in_place: bool = False
+        self, damping: float | Tensor, each: MapFn = serial_map, *, in_place: bool = False
     ) -> Reduced:
         """Eliminate the frames.
 

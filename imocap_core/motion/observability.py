@@ -27,7 +27,7 @@ from imocap_core.motion.terms.base import pieces
 from imocap_core.motion.terms.view import project
 from imocap_core.params import MotionParams
 from imocap_core.sequences import runs
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 LEAST_FACING = 0.5  # length of the mean facing below which the performer turns round
 
@@ -133,7 +133,7 @@ def reductions(
         return variance(diagonal)
 
     most = motions_at_once(motion.valid.shape[1])
-    after = np.array(at_once(with_camera, AZIMUTHS_DEG, most))
+    after = np.array(thread_map(with_camera, AZIMUTHS_DEG, most))
     return 1 - after / variance(normal.diagonal[0])
 
 

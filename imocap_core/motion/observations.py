@@ -35,7 +35,7 @@ class Observation:
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
         swapped: (T,) which sides of the detections are swapped in these keypoints (states of
-            `sync.hypotheses.swapped_sides.swapped_by_others`), or None: none.
+            `sync.hypotheses.swapped_by_others`), or None: none.
     """
 
     xy_px: Float[np.ndarray, "T K 2"]

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from imocap_core.conventions import left_right_pairs
-from imocap_core.sequences import cheapest_states, runs
+from imocap_core.sequences import runs, viterbi
 
 POSSIBLE_DEG = 120.0  # a trunk's twist that costs nothing
 TWIST = 0.2  # cost of a frame with shoulders and hips exactly opposite
@@ -55,7 +55,7 @@ def swapped_arms_and_legs(
         of_limb = [state[limb] for state in STATES]
         cost = step_costs(xy_px[:, np.array(pairs)], size_px) + change_costs(len(pairs))
         steps += cost[:, of_limb][:, :, of_limb]
-    states = np.array(STATES)[cheapest_states(unary[0], steps[1:] + unary[1:, None])]
+    states = np.array(STATES)[viterbi(unary[0], steps[1:] + unary[1:, None])]
     gain = unary[:, 0] - unary[:, 1]
     return np.stack([_twisted(states[:, limb] == 1, gain) for limb in (0, 1)])
 
@@ -202,7 +202,7 @@ def _forward_filled(sides: Float[np.ndarray, "T P 2 2"]) -> Float[np.ndarray, "T
 def _states(steps: Float[np.ndarray, "T 2 2"], pairs: int) -> Bool[np.ndarray, " T"]:
     """Which frames are swapped in the cheapest sequence; it begins as reported."""
     costs = steps[1:] + change_costs(pairs)
-    return cheapest_states(np.array([0.0, np.inf]), costs).astype(bool)
+    return viterbi(np.array([0.0, np.inf]), costs).astype(bool)
 
 
 def change_costs(pairs: int) -> Float[np.ndarray, "2 2"]:

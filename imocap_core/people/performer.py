@@ -28,7 +28,7 @@ from imocap_core.people.tracking import (
 )
 from imocap_core.sync.procrustes import procrustes_distances
 
-STILL = 0.2  # of the size: the motion score of a person who does not move
+STILL_SCORE = 0.2  # of the size: the motion score of a person who does not move
 
 
 RankedTracks = Sequence[tuple[float, PersonTrack]]
@@ -126,7 +126,7 @@ def _score(track: PersonTrack, frames: int, size: tuple[int, int]) -> float:
     positions = poses[:, (poses[..., 2] > 0).any(axis=0), :2]  # of joints that were ever detected
     spread = np.nanmean(np.linalg.norm(positions - np.nanmedian(positions, axis=0), axis=-1))
     share = person_size / float(np.hypot(*size))
-    return len(track.frames) / frames * share * (STILL + float(spread / person_size))
+    return len(track.frames) / frames * share * (STILL_SCORE + float(spread / person_size))
 
 
 def _note(best: PersonTrack, people: Sequence[np.ndarray], scores: Float[np.ndarray, " N"]) -> str:

@@ -22,7 +22,7 @@ from jaxtyping import Float, UInt8
 
 THUMB = (48, 27)  # width, height
 SHIFTS = tuple((dx, dy) for dx in (-6, -4, -2, 0, 2, 4, 6) for dy in (-2, 0, 2))
-UNLIKE = 0.75  # correlation of two thumbnails of different shots is below it,
+LEAST_CORRELATION = 0.75  # correlation of two thumbnails of different shots is below it,
 ALIKE = 0.85  # of neighbouring frames of one shot above it
 TIMES = 4.0  # and a cut's 1 - correlation is this many times theirs
 
@@ -49,7 +49,7 @@ def find_cuts(pictures: Iterable[UInt8[np.ndarray, "H W"]]) -> list[int]:
     steps = [best_correlation(a, b) for a, b in pairwise(thumbs)]
     cuts = []
     for t in range(1, len(thumbs)):  # between t - 1 and t
-        if steps[t - 1] > UNLIKE:
+        if steps[t - 1] > LEAST_CORRELATION:
             continue
         near = steps[max(0, t - 2) : t - 1] + steps[t : t + 1]
         if near and (min(near) < ALIKE or 1 - steps[t - 1] < TIMES * (1 - min(near))):

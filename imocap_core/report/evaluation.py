@@ -64,7 +64,7 @@ from imocap_core.report.uncertainty_tables import (
     trust_tables,
     uncertainty_tables,
 )
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 
 def evaluation_tables(
@@ -168,7 +168,7 @@ def draw_contact_sheets(
 
     with quiet():
         items = list(zip(videos, sync.maps, refined.motion.cameras, strict=True))
-        of_videos: list[_VideoSheets] = at_once(drawn, items)
+        of_videos: list[_VideoSheets] = thread_map(drawn, items)
         sheets = [_written(folder, *sheet) for video in of_videos for sheet in video.sheets]
         figure = contact_sheet(
             [video.moments for video in of_videos],

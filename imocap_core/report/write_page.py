@@ -50,7 +50,7 @@ from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult
 from imocap_core.result.verdict import verdict_of_artifacts
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 from imocap_core.workspace import video_files
 
 _CYCLE, _RESULTS, _UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
@@ -83,7 +83,7 @@ def draw_page_figures(
     read = [(video, frames) for video, frames in zip(videos, shown, strict=True) if frames]
     cells: dict[str, dict[int, Image]] = {}
     cuts: dict[str, dict[int, Window]] = {}
-    of_videos = at_once(lambda item: read_cells(*item), read)
+    of_videos = thread_map(lambda item: read_cells(*item), read)
     for (video, _), (cells_of, cuts_of) in zip(read, of_videos, strict=True):
         cells[video.keypoints.id], cuts[video.keypoints.id] = cells_of, cuts_of
     drawn = []

@@ -19,7 +19,7 @@ from imocap_core.camera.projection import Lens, camera_from_world
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 
-STILL = 1e-9  # a camera whose rotations differ by less is static
+STATIC_TOLERANCE = 1e-9  # a camera whose rotations differ by less is static
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ class VideoCamera:
         """Whether the camera neither turns, zooms nor moves."""
         if self.path_m is not None:
             return False
-        turned = np.abs(self.R_first_from_frame - np.eye(3)).max() > STILL
-        return not turned and float(np.ptp(self.zoom)) <= STILL
+        turned = np.abs(self.R_first_from_frame - np.eye(3)).max() > STATIC_TOLERANCE
+        return not turned and float(np.ptp(self.zoom)) <= STATIC_TOLERANCE
 
     @property
     def centre(self) -> Float[np.ndarray, " 3"]:

@@ -37,7 +37,7 @@ from imocap_core.sync.warp.soft_maps import (
     typical_matched_square,
 )
 from imocap_core.sync.warp.template import NearbySquares, isotonic, mass_within, median_positions
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
 SHARPNESS = 3.0  # factor of their evidence
@@ -211,7 +211,7 @@ def _refine_by_reprojection(
             certainty[v] = axis.soft_map(v, squares, 1.0, usual)[0]
 
     # the user's anchors lie on the reference's frames: with them these are the axis
-    at_once(refine, [v for v in range(len(maps)) if v != axis.reference or axis.penalty is None])
+    thread_map(refine, [v for v in range(len(maps)) if v != axis.reference or axis.penalty is None])
 
 
 def _squared_heights(
@@ -353,7 +353,7 @@ def refined_over_axes(
     if reprojection is not None:
         videos = [choice.reference]
     axes = [choice.axis(v, distances, params) for v in videos]
-    refined = at_once(
+    refined = thread_map(
         lambda axis: refined_warps(distances, relaxed, matched, axis, params, reprojection),
         axes,
         _axes_at_once(relaxed, choice.reference, params),

@@ -36,7 +36,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import mirror_indices
-from imocap_core.sequences import cheapest_states
+from imocap_core.sequences import viterbi
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
     camera_directions,
@@ -45,7 +45,7 @@ from imocap_core.sync.screening.registration import (
     warp_costs,
     warp_path,
 )
-from imocap_core.workers import at_once
+from imocap_core.workers import thread_map
 
 DIRECTIONS = 96
 STEPS_DEG = (8.0, 4.0, 2.0)  # of the rotation's refinement
@@ -275,7 +275,7 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
     thin = thinned_candidates(videos)
     share = 1.0 / (len(videos) - 1)
     edges = list(combinations(range(len(videos)), 2))
-    costs = at_once(lambda e: pair_costs(thin[e[0]].hypotheses, thin[e[1]].hypotheses), edges)
+    costs = thread_map(lambda e: pair_costs(thin[e[0]].hypotheses, thin[e[1]].hypotheses), edges)
     pairs = {edge: share * cost for edge, cost in zip(edges, costs, strict=True)}
     best, *others = best_labellings([_unary(v) for v in videos], pairs, margin=TIE)
     rivals = [
@@ -376,7 +376,7 @@ def _swapped(
     residuals = np.mean([row[1] for row in rows[:CLOSEST]], axis=0)
     costs = residuals + SWAPPED * (np.arange(STATES) > 0)
     steps = CHANGE_OF_SIDES * (1.0 - np.eye(STATES)) + costs[1:, None]
-    states = cheapest_states(costs[0], steps)
+    states = viterbi(costs[0], steps)
     gain = float((residuals[:, 0] - residuals[np.arange(frames), states]).mean())
     enough = gain >= LEAST_GAIN and (states > 0).mean() <= LARGEST_SHARE
     return states if enough else np.zeros_like(states)

@@ -17,7 +17,7 @@ from imocap_core.artifacts import shared_store
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.shared_store import (
     FolderFiles,
-    PatientFiles,
+    RetryingStore,
     SharedFiles,
     fetch_detections,
     shared_files,
@@ -151,7 +151,7 @@ def test_detections_that_cannot_be_read_are_absent(tmp_path: Path, shared: Share
 
 @pytest.mark.usefixtures("impatient")
 def test_an_error_that_passes_is_waited_for_and_said_once(tmp_path, caplog):
-    files = PatientFiles(Flaky(tmp_path, 3, lambda: OSError(errno.EBUSY, "slow down")))
+    files = RetryingStore(Flaky(tmp_path, 3, lambda: OSError(errno.EBUSY, "slow down")))
     assert not files.has("inputs/a")
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
@@ -160,7 +160,7 @@ def test_an_error_that_passes_is_waited_for_and_said_once(tmp_path, caplog):
 
 @pytest.mark.usefixtures("impatient")
 def test_a_store_that_does_not_answer_is_a_sentence_and_may_be_tried_elsewhere(tmp_path):
-    files = PatientFiles(Flaky(tmp_path, 10**6, lambda: TimeoutError("no route")))
+    files = RetryingStore(Flaky(tmp_path, 10**6, lambda: TimeoutError("no route")))
     with pytest.raises(WorkFailed, match=r"did not answer for 0 s \(no route\).*run again") as info:
         files.has("inputs/a")
     assert isinstance(info.value.__cause__, ConnectionError)
@@ -178,7 +178,7 @@ def test_a_store_that_does_not_answer_is_a_sentence_and_may_be_tried_elsewhere(t
 def test_where_waiting_does_not_help_the_sentence_comes_at_once(tmp_path, error, sentence):
     flaky = Flaky(tmp_path, 1, lambda: error)
     with pytest.raises(WorkFailed, match=sentence):
-        PatientFiles(flaky).has("inputs/a")
+        RetryingStore(flaky).has("inputs/a")
     assert flaky.left == 0
 
 
@@ -191,7 +191,7 @@ def test_a_full_disk_of_this_machine_is_its_own(tmp_path, sync, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device", str(file))
 
     monkeypatch.setattr(FolderFiles, "fetch", full)
-    there = machine(tmp_path, PatientFiles(FolderFiles(tmp_path / "shared")), "there")
+    there = machine(tmp_path, RetryingStore(FolderFiles(tmp_path / "shared")), "there")
     with pytest.raises(OSError, match="No space left"):
         there.find("yoga", "sync", KEY)
     assert not list((tmp_path / "there").rglob("*.mcap"))

@@ -26,8 +26,8 @@ from imocap_core.artifacts.store import (
 from imocap_core.errors import ArtifactCorrupt
 from imocap_core.files import (
     RECORD,
+    atomic_write,
     draft_folder,
-    draft_of,
     record_made,
     write_whole,
     writer_has_ended,
@@ -310,7 +310,7 @@ def test_leftovers_are_unfinished_files_and_folders(store, publish_at):
     assert {p.name for p in store.folder.rglob("*.mcap")} == {"one.mcap", "sync.mcap"}
 
 
-def abandoned_draft(folder: Path, kind: str = "draft_of(folder / 'one.mcap')") -> Path:
+def abandoned_draft(folder: Path, kind: str = "atomic_write(folder / 'one.mcap')") -> Path:
     """What a process that was killed while it wrote leaves in a folder."""
     code = (
         "import sys, os; from pathlib import Path; from imocap_core.files import *\n"
@@ -337,7 +337,7 @@ def test_folders_that_another_run_removes_meanwhile_are_no_fault(store, monkeypa
 
 def test_drafts_of_ended_processes_are_swept_and_others_stay(store: Store) -> None:
     folder = store.folder / ".cache" / "sync"
-    with draft_of(folder / "two.mcap") as draft:
+    with atomic_write(folder / "two.mcap") as draft:
         elsewhere = folder / ".elsewhere-1-x.part.mcap"
         elsewhere.write_bytes(b"half")
         abandoned = abandoned_draft(folder)

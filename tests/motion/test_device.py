@@ -21,7 +21,7 @@ from imocap_core.motion.normal import solve_globals
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.workers import in_turn
+from imocap_core.workers import serial_map
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_gauss_newton import disturbed
 from tests.motion.test_terms import TERMS, state, with_rigid_offsets
@@ -91,7 +91,7 @@ def test_terms_make_their_tensors_where_the_state_is(
 def test_the_solver_makes_its_tensors_where_the_state_is(made: Made) -> None:
     terms = all_terms(made)
     with Homeless() as watch:
-        system = linearise_halves(terms, made.state, in_turn)
+        system = linearise_halves(terms, made.state, serial_map)
         reduced = system.reduce(1e-3)
         d_globals = solve_globals([reduced], 1e-3)
         moved = made.state.retract(reduced.frames(d_globals[None]), d_globals[None])

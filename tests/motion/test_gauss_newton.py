@@ -27,7 +27,7 @@ from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, PosePriorTerm, Term
 from imocap_core.params import InitialSmplParams
 from imocap_core.rotations import exp, geodesic_angle
-from imocap_core.workers import in_turn, on
+from imocap_core.workers import on, serial_map
 from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
 
 
@@ -76,7 +76,7 @@ def test_a_motion_alone_is_linearised_in_halves_that_add_up(made: Made) -> None:
     terms = terms_of(made, made.state)
     state = disturbed(made.state, 0.1)
     whole = linearise(terms, state)
-    in_halves = linearise_halves(terms, state, in_turn)
+    in_halves = linearise_halves(terms, state, serial_map)
     with ThreadPoolExecutor(2) as pool:
         on_threads = linearise_halves(terms, state, on(pool))
     for field in fields(whole):

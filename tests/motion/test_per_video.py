@@ -83,11 +83,11 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
     spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     cold, cost = fit_deviations(all_, true, *given)
-    again, lower = fit_deviations(all_, cold, *given, afresh=False)
+    again, lower = fit_deviations(all_, cold, *given, restart=False)
     assert lower <= cost
     assert mpjpe_mm(made.body, again, cold) < 1.0
     astray = disturbed(cold, 0.03)
-    back, _ = fit_deviations(all_, astray, *given, afresh=False)
+    back, _ = fit_deviations(all_, astray, *given, restart=False)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
 
@@ -199,13 +199,13 @@ def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(
 
 @pytest.mark.parametrize("afresh", [False, True])
 def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
-    made: Made, afresh: bool
+    made: Made, restart: bool
 ) -> None:
     true = in_own_axes(made)
     spread = DeviationSpread(np.full((3, FRAMES, 25), 0.03), initial_offset_sd(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     good, wrong = (
-        fit_deviations(whole(made), state, *given, afresh=afresh)[0]
+        fit_deviations(whole(made), state, *given, restart=restart)[0]
         for state in (true, turned(true, np.pi))
     )
     assert mpjpe_mm(made.body, wrong, good) < 2.0

@@ -133,8 +133,8 @@ def test_a_solve_that_goes_on_begins_afresh_where_other_sides_are_swapped_now(ma
     none = [np.zeros(FRAMES, int)] * len(TURNS_DEG)
     legs, once = [np.where(STRETCH, LEGS, 0), *none[1:]], replace(OPTIONS, max_steps=1)
     go_on, again, as_before = (
-        recover_motion(bad, start, once, cameras=made.cameras(), swapped=states, afresh=afresh)
-        for states, afresh in ((none, False), (none, True), (legs, False))
+        recover_motion(bad, start, once, cameras=made.cameras(), swapped=states, restart=restart)
+        for states, restart in ((none, False), (none, True), (legs, False))
     )
     assert go_on.costs == again.costs
     assert as_before.costs != again.costs

@@ -128,7 +128,7 @@ def test_a_round_afresh_passes_all_robust_scales_and_needs_no_coupled_fit(
     truth, scene, first = in_own_axes(made), whole(made), solved("shared")
     said: list[str] = []
     again = recover_motion(
-        scene, first.state, OPTIONS, said.append, cameras=first.cameras, afresh=True
+        scene, first.state, OPTIONS, said.append, cameras=first.cameras, restart=True
     )
     assert [what for what in said if "10x" in what or "3x" in what]
     assert not [what for what in said if "coupled" in what]

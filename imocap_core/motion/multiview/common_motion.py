@@ -41,7 +41,7 @@ from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Te
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
-from imocap_core.workers import at_once, in_turn
+from imocap_core.workers import serial_map, thread_map
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def estimate_offset_sd(
         return views
     term = image_term(views, motion)
     pairs = list(zip(term.views, keypoints.offset_sd, strict=True))
-    each = in_turn if motion.trans.is_cuda else at_once
+    each = serial_map if motion.trans.is_cuda else thread_map
     spread = each(lambda pair: _offset_sd(term, pair[0], motion, pair[1], options), pairs)
     return replace(views, keypoints=replace(keypoints, offset_sd=np.stack(spread)))
 
@@ -345,14 +345,14 @@ def fit_in_stages(
     progress: Progress,
     *,
     cameras_known: bool,
-    afresh: bool,
+    restart: bool,
 ) -> CommonFit:
     """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
 
     Args:
         start: one motion (batch of 1), world axes; cameras: where they begin, or where they are
             and stay (``cameras_known``).
-        afresh: pass through the wide robust scales; else the start has done so before.
+        restart: pass through the wide robust scales; else the start has done so before.
     """
     keypoints, unknowns = scene.keypoints, NO_UNKNOWNS
     if not cameras_known:
@@ -365,10 +365,10 @@ def fit_in_stages(
     terms += estimate_terms(scene, start.trans, options)
     motion, costs, status, steps = start, list[float](), "", options.max_steps
     spread_m, starts = np.zeros(keypoints.weight.shape), [start]
-    if afresh:
+    if restart:
         progress(f"one motion for all views, robust scale {WIDE:g}x")
         starts.append(fit_common_motion(views, start, NO_UNKNOWNS, terms, steps)[0])
-    for stage in ROBUST_STAGES if afresh else ROBUST_STAGES[1:]:
+    for stage in ROBUST_STAGES if restart else ROBUST_STAGES[1:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         views = replace(views, robust_scale=final * stage)
         weighted = with_keypoint_spread(views, motion, spread_m)

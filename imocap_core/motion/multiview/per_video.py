@@ -281,14 +281,14 @@ def fit_deviations(
     spread: DeviationSpread,
     options: MotionParams,
     *,
-    afresh: bool = True,
+    restart: bool = True,
 ) -> tuple[MotionState, float]:
     """Fit each video to its own image evidence, coupled to the common motion.
 
     Args:
         state: every video's motion so far, in its own camera's axes.
         common: batch of 1, world axes; spread: sets the coupling's strength.
-        afresh: start at the common motion; else at ``state``, a result of this function.
+        restart: start at the common motion; else at ``state``, a result of this function.
 
     Returns:
         Every video's motion, and the objective.
@@ -297,7 +297,7 @@ def fit_deviations(
     faces = facing_agreement(scene, state, targets)
     carried = _facing_released(at_video_frames(scene, state, common, targets), state, faces)
     start = carried
-    if not afresh:
+    if not restart:
         astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]

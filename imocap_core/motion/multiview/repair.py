@@ -41,7 +41,7 @@ from imocap_core.motion.multiview.scene import PATH_SCALE_M, Cameras, Scene
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
-from imocap_core.sequences import cheapest_states, runs
+from imocap_core.sequences import runs, viterbi
 from imocap_core.sync.hypotheses import STATES, with_swapped_sides
 from imocap_core.sync.screening.registration import camera_directions, residual_share
 
@@ -338,7 +338,7 @@ def swapped_states(
     costs *= min(1.0, RATE_PER_S / fps)
     change = np.maximum(CHANGE[:, None], CHANGE) * (1.0 - np.eye(STATES))
     steps = change + costs[1:, None]
-    return cheapest_states(costs[0], steps)
+    return viterbi(costs[0], steps)
 
 
 def point_shares(names: Sequence[str]) -> Float[np.ndarray, " K"]:

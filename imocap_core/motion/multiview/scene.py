@@ -287,7 +287,7 @@ class JointMotion:
         misfit: mean robust reprojection cost per keypoint of the common motion: how well the
             correspondences explain all images at once. Lower is better.
         swapped: of each video (T_v,), which sides of its detections the solve swapped (states of
-            `sync.hypotheses.swapped_sides.swapped_by_others`); empty where none were judged.
+            `sync.hypotheses.swapped_by_others`); empty where none were judged.
     """
 
     state: MotionState

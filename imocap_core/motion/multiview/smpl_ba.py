@@ -129,7 +129,7 @@ def recover_motion(
     *,
     cameras: Cameras | None = None,
     swapped: Sequence[Int[np.ndarray, " _"]] = (),
-    afresh: bool = False,
+    restart: bool = False,
 ) -> JointMotion:
     """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
 
@@ -138,15 +138,15 @@ def recover_motion(
             common fit (``paper`` alternates all the same).
         swapped: which sides of the detections that result had swapped, of every video; where others
             are now, all is fitted afresh.
-        afresh: fit through all robust scales all the same, and every deviation from the common
+        restart: fit through all robust scales all the same, and every deviation from the common
             motion, instead of going on where the earlier result stopped.
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
     if options.objective != "shared" or not scene.beyond:
-        return _recovered(scene, start, options, progress, cameras, swapped, afresh)
+        return _recovered(scene, start, options, progress, cameras, swapped, restart)
     scene, axis = continued(scene)
-    result = _recovered(scene, start, options, progress, cameras, swapped, afresh)
+    result = _recovered(scene, start, options, progress, cameras, swapped, restart)
     return within_reference(result, axis)
 
 
@@ -157,14 +157,14 @@ def _recovered(
     progress: Progress,
     cameras: Cameras | None,
     swapped: Sequence[Int[np.ndarray, " _"]],
-    afresh: bool,
+    restart: bool,
 ) -> JointMotion:
     """The same of two videos or more, on the scene's own axis."""
     state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)
-        afresh |= any((a != b).any() for a, b in zip(swapped, scene.swapped, strict=False))
-        return common_then_deviations(scene, state, cameras, options, progress, afresh=afresh)
+        restart |= any((a != b).any() for a, b in zip(swapped, scene.swapped, strict=False))
+        return common_then_deviations(scene, state, cameras, options, progress, restart=restart)
     K = scene.K.to(start.trans)
     cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
     if options.objective == "paper":
@@ -186,19 +186,19 @@ def common_then_deviations(
     progress: Progress = lambda _: None,
     *,
     cameras_known: bool = False,
-    afresh: bool = True,
+    restart: bool = True,
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it.
 
     Args:
         state: every video's motion in its own camera's axes, one body a performer.
         cameras: where they start, or where they are and stay (``cameras_known``).
-        afresh: begin at the widest robust scale; else state and cameras are an earlier result of
+        restart: begin at the widest robust scale; else state and cameras are an earlier result of
             this function, and it goes on where that stopped.
     """
     start = consensus_motion(scene, state, cameras, options.agreement_rad)
     common = fit_in_stages(
-        scene, start, cameras, options, progress, cameras_known=cameras_known, afresh=afresh
+        scene, start, cameras, options, progress, cameras_known=cameras_known, restart=restart
     )
     motion, cameras = common.motion, common.cameras
     if common.spread is None:
@@ -212,7 +212,7 @@ def common_then_deviations(
     progress("each video's own deviation")
     solved = scene.with_intrinsics(cameras)
     state, cost = fit_deviations(
-        solved, state, motion, cameras, common.spread, options, afresh=afresh
+        solved, state, motion, cameras, common.spread, options, restart=restart
     )
     costs, status = [*common.costs, cost], f"shared motion {common.status}"
     return JointMotion(
