@@ -197,7 +197,7 @@ def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(
     torch.testing.assert_close(alike, torch.ones_like(alike))
 
 
-@pytest.mark.parametrize("afresh", [False, True])
+@pytest.mark.parametrize("restart", [False, True])
 def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
     made: Made, restart: bool
 ) -> None:
