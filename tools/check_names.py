@@ -28,8 +28,8 @@ BUDGETS = {
     "lines of the core's longest function": 84,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 13,
-    "lines of the tests": 47_250,
-    "words of the documentation": 39_500,  # of all pages but the changelog, as `wc -w` counts
+    "lines of the tests": 46_810,
+    "words of the documentation": 39_495,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})

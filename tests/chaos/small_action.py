@@ -28,6 +28,7 @@ QUICK = {
     "initial_smpl.library_directions": 12,
     "initial_smpl.starts": 1,
     "initial_smpl.max_steps": 2,
+    "sync.consensus_rounds": 1,
     "motion.rounds": 1,
     "motion.max_steps": 2,
     "refine.max_rounds": 1,
@@ -59,7 +60,7 @@ class SmallAction:
     @classmethod
     def make(cls, root: Path) -> SmallAction:
         """Write the action, and run it."""
-        made = Made(count=2, frames=24)
+        made = Made(count=2, frames=16)
         columns = list(made.model.points("body25").columns)
         folder = root / "actions" / NAME
         videos = []
