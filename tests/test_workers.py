@@ -10,11 +10,10 @@ from imocap_core.workers import cores, serial_map, thread_map
 
 @pytest.fixture(autouse=True)
 def of_no_worker(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tests' own workers have a share of the cores."""
     monkeypatch.delattr(workers._of_thread, "cores", raising=False)
 
 
-def test_at_once_answers_in_the_order_asked() -> None:
+def test_thread_map_answers_in_the_order_asked() -> None:
     items = list(range(20))
     assert thread_map(lambda n: n * n, items) == serial_map(lambda n: n * n, items)
     assert thread_map(lambda n: n, []) == []

@@ -96,8 +96,8 @@ class JointProblem:
     def recovered(
         self, sync: SyncSummary, before: JointMotion, progress: Progress, *, restart: bool
     ) -> JointMotion:
-        """The motion with other correspondences, from an earlier one's start or from where that
-        stopped (docs/decisions.md)."""
+        """The motion with other correspondences, begun at an earlier one; with `restart` through
+        all robust scales again (docs/decisions.md)."""
         return recover_motion(
             self.synchronised(sync).scene,
             before.state,

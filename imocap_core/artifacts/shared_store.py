@@ -172,7 +172,7 @@ class FolderFiles:
 
 OBJECT_STORES = frozenset({"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oci", "memory"})
 FEW_RETRIES = {"retries": {"total_max_attempts": 1}, "connect_timeout": 10, "read_timeout": 20}
-OPTIONS: dict[str, dict[str, Any]] = {  # patience.py is what tries again
+OPTIONS: dict[str, dict[str, Any]] = {  # RetryingStore tries again
     "s3": {"config_kwargs": FEW_RETRIES},
 }
 
@@ -328,7 +328,7 @@ MISSING = "a store at {url} needs {needed}: pip install 'imocap[s3]', or fsspec'
 def shared_files(url: str) -> SharedFiles:
     """The shared store at a URL of fsspec (`s3://bucket/lab`), or in a folder.
 
-    What fails is tried again for a while (patience.py). WorkFailed when its kind cannot be used.
+    What fails is tried again for a while. WorkFailed when its kind cannot be used.
     """
     if "://" not in url or url.startswith(FILE_URL):
         return RetryingStore(FolderFiles(Path(url.removeprefix(FILE_URL)).absolute()))

@@ -114,7 +114,7 @@ def person_size_px(observation: Observation) -> Float[np.ndarray, " T"]:
     visible, size = np.isfinite(xy).all(-1).sum(1) >= 4, np.full(len(xy), np.nan)
     if not visible.any():
         return np.full(len(xy), 100.0)
-    low, high = (_nan_quantile(xy[visible], q) for q in (0.04, 0.96))
+    low, high = (nan_quantile(xy[visible], q) for q in (0.04, 0.96))
     size[visible] = (high - low).max(-1)
     size = np.where(np.isfinite(size), size, np.nanmedian(size))
     half = max(1, round(observation.fps / 2))
@@ -123,14 +123,12 @@ def person_size_px(observation: Observation) -> Float[np.ndarray, " T"]:
     return np.quantile(windows, 0.8, axis=1)
 
 
-def _nan_quantile(values: Float[np.ndarray, "T K C"], q: float) -> Float[np.ndarray, "T C"]:
+def nan_quantile(values: Float[np.ndarray, "T K C"], q: float) -> Float[np.ndarray, "T C"]:
     """Over the second axis, like numpy's nanquantile, which takes row by row in Python."""
     ordered = np.sort(values, axis=1)  # NaN comes last
     place = q * (np.isfinite(ordered).sum(axis=1, keepdims=True) - 1)
-    below, above = (
-        np.take_along_axis(ordered, np.asarray(end, int), axis=1)
-        for end in (np.floor(place), np.ceil(place))
-    )
+    ends = np.floor(place).astype(int), np.ceil(place).astype(int)
+    below, above = (np.take_along_axis(ordered, end, axis=1) for end in ends)
     return np.asarray((below + (above - below) * (place % 1))[:, 0])
 
 

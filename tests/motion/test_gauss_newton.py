@@ -21,7 +21,7 @@ from imocap_core.motion.monocular.starts import (
     match,
     start_at_joints,
 )
-from imocap_core.motion.observations import Observation, person_size_px, without_jumps
+from imocap_core.motion.observations import Observation, nan_quantile, person_size_px, without_jumps
 from imocap_core.motion.prior import PosePrior, load_pose_prior, mixture
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, PosePriorTerm, Term
@@ -209,6 +209,7 @@ def test_a_leap_of_one_keypoint_is_not_believed() -> None:
     assert confidence[9, 4] == 0
     assert confidence.sum() == 20 * 25 - 2
     assert (person_size_px(observation) > 100).all()
+    np.testing.assert_allclose(nan_quantile(xy, 0.96), np.nanquantile(xy, 0.96, axis=1))
 
 
 BENT, HIDDEN = SMPL_JOINTS.index("left_elbow"), SMPL_JOINTS.index("left_wrist")

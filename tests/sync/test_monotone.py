@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from imocap_core.sync.maps import FRAMES, BandedMap, whole_band
 from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, monotone_posterior
@@ -30,6 +31,13 @@ def test_is_the_mean_over_all_warps(steps: StepPrior) -> None:
     maps, matched = monotone_posterior(cost, unmatched=np.inf, steps=steps)
     np.testing.assert_allclose(maps, posterior_naive(cost, steps), atol=1e-9)
     np.testing.assert_allclose(matched, 1.0)
+
+
+@pytest.mark.parametrize("decay", [1e-3, 0.3, 0.8, 0.999])
+def test_decaying_sums_are_those_of_a_recursive_filter(decay: float) -> None:
+    state = np.random.default_rng(1).random(3000) ** 20
+    summed = StepPrior(9999, 9999, 1.0, decay).advanced(state)
+    np.testing.assert_allclose(summed, lfilter([1.0], [1.0, -decay], state))
 
 
 def test_impossible_steps_are_refused() -> None:

@@ -109,20 +109,21 @@ class StepPrior:
         if self.decay == 1.0:
             return np.add.accumulate(state)
         powers, inverses = self._powers
-        total = state[: len(powers)] * inverses[: len(state)]
-        np.add.accumulate(total, out=total)
-        total *= powers[: len(state)]
-        if len(total) == len(state):
-            return total
-        rest = self._decaying_sum(state[len(powers) :])
-        rest[: len(powers)] += total[-1] * self.decay * powers[: len(rest)]
-        return np.concatenate([total, rest])
+        total, carried = np.empty_like(state), 0.0
+        for first in range(0, len(state), len(powers)):
+            block = total[first : first + len(powers)]
+            weighted = state[first : first + len(powers)] * inverses[: len(block)]
+            np.add.accumulate(weighted, out=block)
+            block += self.decay * carried
+            block *= powers[: len(block)]
+            carried = block[-1]
+        return total
 
     @cached_property
     def _powers(self) -> tuple[np.ndarray, np.ndarray]:
         """decay^0, decay^1, ..., as many as are far from underflow, and one by each."""
-        most = 1 + int(np.log(1e-200) / np.log(self.decay))
-        powers = self.decay ** np.arange(min(most, MOST_POWERS))
+        most = min(1 + int(np.log(1e-200) / np.log(self.decay)), MOST_POWERS)
+        powers = self.decay ** np.arange(most)
         return powers, 1.0 / powers
 
     def led_to(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
