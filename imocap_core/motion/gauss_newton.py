@@ -371,8 +371,8 @@ class _OneBody:
         if equations is None:
             system = self._system(motion)
             motion.state.forget()  # wanted again only where the step is rejected
-            return system.reduce(damping, self.within, in_place=True)
-        return equations.reduce(damping, self.within)
+            return system.reduce(damping, in_place=True)
+        return equations.reduce(damping)
 
     def choose(
         self, better: Bool[np.ndarray, "1"], trial: list[SolverMotion], state: list[SolverMotion]

@@ -2,180 +2,168 @@
 
 A frame's unknowns are ``n`` local increments. Frames couple to their two successors at most
 (velocity: one, acceleration: two), so a block Cholesky factorisation takes time linear in the
-frames. From both ends towards two frames in the middle it takes as many operations as from one end,
-but the halves can be worked on at the same time. The few unknowns that all frames share (body
-shape, cameras) form a border ("arrow"), eliminated by their Schur complement. Nearly all memory is
-in the factors: a large system can be factored in place, and nothing is held twice.
+frames. The few unknowns that all frames share (body shape, cameras) form a border ("arrow"),
+eliminated by their Schur complement.
+
+On a card all motions of a batch are eliminated together, frame after frame. On a processor each is
+a band of 3n diagonals, which LAPACK factors in one call without Python's lock: motions on threads
+do not wait for one another, and a loop over frames takes twice the time on one core. The factor's
+blocks lie in the band as matrices of leading dimension 3n - 1 (column j begins j entries further
+up). So solutions are products of blocks: LAPACK's own substitution reads the whole band for every
+right-hand side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import ctypes
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib import import_module
+from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.workers import MapFn, serial_map
-
-MIDDLE = 2  # frames between the halves: as many as a frame couples to
-BLOCK = 32  # frames whose columns are laid out at once
-
-
-@dataclass(frozen=True)
-class Half:
-    """Eliminated frames, the outermost first.
-
-    Attributes:
-        factors: each frame's Cholesky factor L (n, n); ``L^-1 [next1 | next2]`` transposed, in one
-            or two parts of (2n, n); and ``L^-1 right`` transposed (k, n).
-        middle: (MIDDLE, 3n + k, n) columns of the next frames, after elimination.
-        failed: () nonzero where the matrix is not positive definite.
-    """
-
-    factors: list[_Factors]
-    middle: Tensor
-    failed: Tensor
-
-
-_Factors = tuple[Tensor, tuple[Tensor, ...], Tensor]
-_Places = tuple[Tensor, Tensor, Tensor, Tensor]  # of a frame's diagonal, next1, next2, right
-
 
 def solve_pentadiagonal(
-    diagonal: Float[Tensor, "T n n"],
-    next1: Float[Tensor, "T n n"],
-    next2: Float[Tensor, "T n n"],
-    right: Float[Tensor, "T n k"],
-    each: MapFn = serial_map,
-    *,
-    in_place: bool = False,
-) -> Float[Tensor, "T n k"]:
-    """Solve a symmetric positive definite block-pentadiagonal system.
+    diagonal: Float[Tensor, "B T n n"],
+    next1: Float[Tensor, "B T n n"],
+    next2: Float[Tensor, "B T n n"],
+    right: Float[Tensor, "B T n k"],
+) -> Float[Tensor, "B T n k"]:
+    """Solve symmetric positive definite block-pentadiagonal systems, frame after frame.
 
     Args:
         diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2); the last one of ``next1`` and
             the last two of ``next2`` are ignored.
-        each: runs the two halves.
-        in_place: the factors replace the system, ``right`` included.
 
     Returns:
-        The solution, NaN where the matrix is not positive definite (the caller damps and
-        retries).
+        The solutions, NaN where a matrix is not positive definite (the caller damps and retries).
     """
-    frames = len(diagonal)
-    if frames < MIDDLE:
-        factor, info = torch.linalg.cholesky_ex(diagonal)
-        return torch.where(info != 0, torch.nan, torch.cholesky_solve(right, factor))
-    first = (frames - MIDDLE) // 2
-    system = (diagonal, next1, next2, right)
-    columns = [_from_first(*system, first), _from_last(*system, first)]
-    places = _places(*system, first) if in_place else (None, None)
-    halves = each(_eliminated, list(zip(columns, places, strict=True)))
-    middle, info = _middle(halves[0].middle, halves[1].middle)
-    solution = right.new_empty(frames, right.shape[2], right.shape[1])
-    solution[first : first + MIDDLE] = middle
-    ends = solution[:first].unbind(), solution[first + MIDDLE :].unbind()[::-1]
-    each(_substitute, [(halves[0], middle, ends[0]), (halves[1], middle.flip(0), ends[1])])
-    failed = halves[0].failed | halves[1].failed | info
-    return solution.masked_fill_(failed != 0, torch.nan).mT
-
-
-def _from_first(
-    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
-) -> Iterator[Tensor]:
-    """(3n + k, n) columns [diagonal; next1^T; next2^T; right^T] of each frame, the middle's last.
-
-    Contiguous for a library of column-major routines, and so is each frame's update.
-    """
-    for start in range(0, first + MIDDLE, BLOCK):
-        part = slice(start, min(start + BLOCK, first + MIDDLE))
-        yield from torch.cat([diagonal[part], next1[part].mT, next2[part].mT, right[part].mT], 1)
-
-
-def _from_last(
-    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
-) -> Iterator[Tensor]:
-    """The same from the last frame backwards; the middle's own values are in the other half."""
-    frames, n = diagonal.shape[:2]
-    last = first + MIDDLE
-    for stop in range(frames, last, -BLOCK):
-        start = max(stop - BLOCK, last)
-        sources = (
-            diagonal[start:stop], next1[start - 1 : stop - 1], next2[start - 2 : stop - 2],
-            right[start:stop].mT,
-        )  # fmt: skip
-        yield from torch.cat(sources, 1).flip(0)
-    yield from diagonal.new_zeros(MIDDLE, 3 * n + right.shape[2], n)
-
-
-def _places(
-    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
-) -> tuple[list[_Places], list[_Places]]:
-    """Where each half's factors go: in the place of the blocks that they are made of, columns in a
-    row as the library returns them, so that the rounding is the same."""
-    last = first + MIDDLE
-    ahead = diagonal[:first].mT, next1[:first], next2[:first], right[:first].mT
-    back = diagonal[last:].mT, next1[last - 1 : -1], next2[last - 2 : -2], right[last:].mT
-    return list(zip(*ahead, strict=True)), list(zip(*back, strict=True))[::-1]
-
-
-def _eliminated(work: tuple[Iterator[Tensor], Sequence[_Places] | None]) -> Half:
-    """All frames but the last two. A frame's factor L gives A = L^-1 [next1 | next2 | right]; the
-    products of A's columns are subtracted from the two frames after it."""
-    columns, places = work
-    factors: list[_Factors] = []
-    frame, after = next(columns), next(columns)
-    n, failed = frame.shape[1], frame.new_zeros((), dtype=torch.int32)
-    for last in columns:
-        factor, info = torch.linalg.cholesky_ex(frame[:n])
-        solved = torch.linalg.solve_triangular(factor, frame[n:].T, upper=False).T
-        one, two, right = solved.split((n, n, len(solved) - 2 * n))
-        after[: 2 * n].addmm_(solved[: 2 * n], one.T, alpha=-1)
-        after[3 * n :].addmm_(right, one.T, alpha=-1)
-        last[:n].addmm_(two, two.T, alpha=-1)
-        last[3 * n :].addmm_(right, two.T, alpha=-1)
+    frames, n = diagonal.shape[1:3]
+    ahead = torch.cat([next1, next2], -1)
+    ahead[:, -1:] = ahead[:, -2:, :, n:] = 0.0
+    system = torch.cat([diagonal, ahead, right], -1)
+    factors, failed = [], diagonal.new_zeros(len(diagonal), dtype=torch.int32)
+    for t in range(frames):
+        factor, info = torch.linalg.cholesky_ex(system[:, t, :, :n])
         failed |= info
-        if places is None:
-            factors.append((factor, (solved[: 2 * n],), right))
-        else:
-            factors.append(_put(places[len(factors)], factor, one, two, right))
-        frame, after = after, last
-    return Half(factors, torch.stack([frame, after]), failed)
+        coupled = torch.linalg.solve_triangular(factor, system[:, t, :, n:], upper=False)
+        one, two, value = coupled.split([n, n, right.shape[3]], -1)
+        factors.append((factor, coupled))
+        if t + 1 < frames:
+            system[:, t + 1, :, : 2 * n] -= one.mT @ coupled[..., : 2 * n]
+            system[:, t + 1, :, 3 * n :] -= one.mT @ value
+        if t + 2 < frames:
+            system[:, t + 2, :, :n] -= two.mT @ two
+            system[:, t + 2, :, 3 * n :] -= two.mT @ value
+    later = right.new_zeros(len(right), 2 * n, right.shape[3])
+    solution = torch.empty_like(right)
+    for t, (factor, coupled) in reversed([*enumerate(factors)]):
+        value = coupled[..., 2 * n :] - coupled[..., : 2 * n] @ later
+        solution[:, t] = torch.linalg.solve_triangular(factor.mT, value, upper=True)
+        later = torch.cat([solution[:, t], later[:, :n]], 1)
+    return solution.masked_fill_((failed != 0)[:, None, None, None], torch.nan)
 
 
-def _put(places: _Places, *values: Tensor) -> _Factors:
-    """Factors in their places."""
-    for place, value in zip(places, values, strict=True):
-        place.copy_(value)
-    factor, one, two, right = places
-    return factor, (one, two), right
+ENTRY_BYTES = 8
+ARGUMENTS = {"dpbtrf": 6, "dtrsm": 11, "dgemm": 13}  # of each routine, all of them addresses
 
 
-def _middle(from_first: Tensor, from_last: Tensor) -> tuple[Tensor, Tensor]:
-    """(MIDDLE, k, n) solution where the halves meet, and whether the factorisation failed."""
-    n = from_first.shape[2]
-    near, far = from_first + from_last.flip(0)
-    cross = from_first[0, n : 2 * n] + from_last[0, n : 2 * n].T  # the far frame by the near one
-    whole = torch.cat([torch.cat([near[:n], cross.T], 1), torch.cat([cross, far[:n]], 1)])
-    factor, info = torch.linalg.cholesky_ex(whole)
-    right = torch.cat([near[3 * n :], far[3 * n :]], 1)
-    solution = torch.cholesky_solve(right.T, factor)
-    return solution.unflatten(0, (MIDDLE, n)).mT, info
+def packed_band(
+    diagonal: Float[np.ndarray, "T n n"],
+    next1: Float[np.ndarray, "T n n"],
+    next2: Float[np.ndarray, "T n n"],
+    added: Float[np.ndarray, "T n"],
+) -> Float[np.ndarray, "T n w"]:
+    """The columns of the lower triangle, each from its diagonal entry downwards; w is 3n.
+
+    Args:
+        diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2); the last one of ``next1`` and
+            the last two of ``next2`` are ignored.
+        added: to the matrix's diagonal.
+    """
+    frames, n = diagonal.shape[:2]
+    width = 3 * n
+    band = np.zeros((frames, n, width))
+    strides = (n * width * ENTRY_BYTES, (width - 1) * ENTRY_BYTES, ENTRY_BYTES)
+    # What lies above a block's diagonal falls on the ends of other columns: zeros, written first.
+    for number, blocks in enumerate((np.triu(diagonal), next1[:-1], next2[:-2])):
+        from_here = band.reshape(-1)[number * n :]
+        np.lib.stride_tricks.as_strided(from_here, (len(blocks), n, n), strides)[:] = blocks
+    band[..., 0] += added
+    return band
 
 
-def _substitute(work: tuple[Half, Tensor, Sequence[Tensor]]) -> None:
-    """Write the (k, n) solution of the half's frames, given the middle's in the half's order."""
-    half, middle, solution = work
-    near, far = middle.unbind()
-    for (factor, parts, right), place in zip(half.factors[::-1], solution[::-1], strict=True):
-        coupling = parts[0] if len(parts) == 1 else torch.cat(parts)
-        if len(parts) > 1:  # the library rounds by where in memory a matrix begins
-            factor = factor.clone()
-        value = torch.addmm(right, torch.cat([near, far], 1), coupling, alpha=-1)
-        near, far = torch.linalg.solve_triangular(factor.T, value.T, upper=True).T, near
-        place.copy_(near)
+class BandedCholesky:
+    """The factor L of a positive definite block-pentadiagonal matrix.
+
+    Args:
+        band: its `packed_band`, which the factor replaces.
+
+    Attributes:
+        definite: whether the matrix is positive definite; if not, there is no factor.
+    """
+
+    def __init__(self, band: Float[np.ndarray, "T n w"]) -> None:
+        frames, n, width = band.shape
+        info = ctypes.c_int()
+        size, diagonals, leading = _integers(frames * n, width - 1, width)
+        _routine("lapack", "dpbtrf")(
+            b"L", size, diagonals, band.ctypes.data, leading, ctypes.byref(info)
+        )
+        self._band = band
+        self.definite = info.value == 0
+
+    def solve(self, right: Float[np.ndarray, "T n k"]) -> None:
+        """Replace right-hand sides, a contiguous array, by the solutions."""
+        frames, n, width = self._band.shape
+        solve, multiply = _routine("blas", "dtrsm", True), _routine("blas", "dgemm", True)
+        k, one, two, leading = _integers(right.shape[2], n, 2 * n, width - 1)
+        plus, minus = (ctypes.byref(ctypes.c_double(sign)) for sign in (1.0, -1.0))
+        step, band_step = right.shape[2] * n * ENTRY_BYTES, n * width * ENTRY_BYTES
+        heights = [two] * (frames - 2) + [one] * (frames > 1) + [None]  # of the blocks below
+        places = [
+            (self._band.ctypes.data + t * band_step, right.ctypes.data + t * step, height)
+            for t, height in enumerate(heights)
+        ]
+        below = n * ENTRY_BYTES
+        for L, here, m in places:
+            solve(b"R", b"L", b"T", b"N", k, one, plus, L, leading, here, k)
+            if m is not None:
+                multiply(
+                    b"N", b"T", k, m, one, minus, here, k, L + below, leading, plus, here + step, k
+                )
+        for L, here, m in reversed(places):
+            if m is not None:
+                multiply(
+                    b"N", b"N", k, one, m, minus, here + step, k, L + below, leading, plus, here, k
+                )
+            solve(b"R", b"L", b"N", b"N", k, one, plus, L, leading, here, k)
+
+
+def _integers(*values: int) -> list[Any]:
+    return [ctypes.byref(ctypes.c_int(value)) for value in values]
+
+
+@cache
+def _routine(library: str, name: str, keeps_lock: bool = False) -> Callable[..., None]:
+    """A routine of the LAPACK or BLAS that SciPy brings.
+
+    Args:
+        keeps_lock: Python's, in short calls, where to hand it over costs more than it gives.
+    """
+    capsule = import_module(f"scipy.linalg.cython_{library}").__pyx_capi__[name]
+    name_of, pointer_of = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
+    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer_of.restype = ctypes.c_void_p
+    pointer_of.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    prototype = ctypes.PYFUNCTYPE if keeps_lock else ctypes.CFUNCTYPE
+    kind = prototype(None, *[ctypes.c_void_p] * ARGUMENTS[name])
+    return kind(pointer_of(capsule, name_of(capsule)))
 
 
 @dataclass(frozen=True)
@@ -255,26 +243,37 @@ class NormalEquations:
         names = ("diagonal", "next1", "next2", "gradient", "border")
         return replace(self, **{name: getattr(self, name)[:, frames] for name in names})
 
-    def reduce(
-        self, damping: float | Tensor, each: MapFn = serial_map, *, in_place: bool = False
-    ) -> Reduced:
+    def reduce(self, damping: float | Tensor, *, in_place: bool = False) -> Reduced:
         """Eliminate the frames.
 
         Args:
             damping: Levenberg-Marquardt factor on the diagonal, one or (B, 1, 1).
-            each: runs the two halves of a motion.
-            in_place: the blocks of the frames are lost, and no memory for as many is needed.
+            in_place: the blocks of the frames are dropped as soon as they are factored.
         """
-        right = torch.cat([self.gradient[..., None], self.border], dim=-1)
-        damped = _damped(self.diagonal if in_place else self.diagonal.clone(), damping)
-        systems = zip(damped, self.next1, self.next2, right, strict=True)
-        solved = torch.stack(
-            [solve_pentadiagonal(*system, each, in_place=in_place) for system in systems]
-        )
+        solved = self._solved(damping, in_place)
         frame_only, response = solved[..., 0], solved[..., 1:]
         schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
         rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
         return Reduced(frame_only, response, schur, rest)
+
+    def _solved(self, damping: float | Tensor, in_place: bool) -> Float[Tensor, "B T n k"]:
+        """Of the frames alone: with the gradient and the border on the right."""
+        right = torch.cat([self.gradient[..., None], self.border], dim=-1)
+        if right.is_cuda or right.dtype != torch.float64:
+            damped = _damped(self.diagonal.clone(), damping)
+            return solve_pentadiagonal(damped, self.next1, self.next2, right)
+        added = _addition(self.diagonal.diagonal(dim1=-2, dim2=-1), damping)
+        system = (self.diagonal, self.next1, self.next2, added)
+        bands = [packed_band(*motion) for motion in zip(*(x.numpy() for x in system), strict=True)]
+        if in_place:
+            del system
+            self.diagonal = self.next1 = self.next2 = right.new_empty(0)
+        for motion, values in zip(map(BandedCholesky, bands), right.numpy(), strict=True):
+            if motion.definite:
+                motion.solve(values)
+            else:
+                values[:] = torch.nan
+        return right
 
 
 def add_product(
@@ -291,6 +290,10 @@ def add_product(
 def _damped(blocks: Tensor, damping: float | Tensor) -> Tensor:
     """Marquardt's scaling, in place: ``damping`` times the diagonal is added to it, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)
-    floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
-    diagonal.add_(damping * diagonal + floor)
+    diagonal.add_(_addition(diagonal, damping))
     return blocks
+
+
+def _addition(diagonal: Tensor, damping: float | Tensor) -> Tensor:
+    floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
+    return damping * diagonal + floor

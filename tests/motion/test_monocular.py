@@ -22,14 +22,13 @@ from imocap_core.motion.monocular.starts import (
     start_at_joints,
     start_at_motion,
 )
-from imocap_core.motion.normal import NormalEquations, solve_pentadiagonal
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import TWINS, Body, MotionState
 from imocap_core.motion.terms import base
 from imocap_core.rotations import exp, geodesic_angle
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_gauss_newton import disturbed
-from tests.motion.test_normal import banded
 from tests.motion.test_terms import TERMS, state, with_rigid_offsets
 
 DEPTH = torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)
@@ -140,17 +139,6 @@ def test_equations_in_pieces_are_those_of_the_whole(
     for field in fields(NormalEquations):
         found, expected = getattr(parts, field.name), getattr(whole, field.name)
         assert torch.allclose(found, expected, rtol=1e-10, atol=1e-9), field.name
-
-
-@pytest.mark.parametrize("frames", [2, 3, 6, 75])
-def test_factors_in_place_give_the_same_bits_and_take_the_system(frames: int) -> None:
-    diagonal, next1, next2, _ = banded(frames, 4, accelerations=True)
-    right = torch.randn(frames, 4, 3, generator=torch.Generator().manual_seed(1)).double()
-    expected = solve_pentadiagonal(diagonal[0], next1[0], next2[0], right)
-    system = [x.clone() for x in (diagonal[0], next1[0], next2[0], right)]
-    found = solve_pentadiagonal(*system, in_place=True)
-    assert torch.equal(found, expected)
-    assert frames == 2 or not torch.equal(system[0], diagonal[0])
 
 
 def test_one_long_motion_after_another_gives_the_same_steps(

@@ -1,13 +1,14 @@
 """The block-banded solver against the dense matrix it stands for."""
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 
 import pytest
 import torch
 from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations, solve_globals, solve_pentadiagonal
-from imocap_core.workers import on
+
+Solver = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 def banded(frames: int, n: int, *, accelerations: bool) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -28,15 +29,26 @@ def banded(frames: int, n: int, *, accelerations: bool) -> tuple[Tensor, Tensor,
     return diagonal, next1, next2, dense
 
 
+def solved(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor) -> Tensor:
+    """By LAPACK, as processors do it: the motions' frames of a system without damping."""
+    system = NormalEquations.zeros(*right.shape[:3], right.shape[3] - 1, right)
+    system.diagonal, system.next1, system.next2 = (x.clone() for x in (diagonal, next1, next2))
+    system.gradient, system.border = right[..., 0], right[..., 1:]
+    reduced = system.reduce(0.0)
+    return torch.cat([reduced.frame_only[..., None], reduced.response], -1)
+
+
+@pytest.mark.parametrize("solve", [solved, solve_pentadiagonal])
 @pytest.mark.parametrize("frames", [1, 2, 3, 6, 7])
 @pytest.mark.parametrize("accelerations", [False, True])
-def test_solution_is_the_dense_one(frames: int, accelerations: bool) -> None:
-    diagonal, next1, next2, dense = banded(frames, 4, accelerations=accelerations)
+def test_solution_is_the_dense_one(solve: Solver, frames: int, accelerations: bool) -> None:
+    *blocks, dense = banded(frames, 4, accelerations=accelerations)
     right = torch.randn(2, frames, 4, 3, dtype=torch.float64)
-    for v in range(2):
-        found = solve_pentadiagonal(diagonal[v], next1[v], next2[v], right[v])
-        expected = torch.linalg.solve(dense[v], right[v].reshape(-1, 3)).reshape(found.shape)
-        assert torch.allclose(found, expected, atol=1e-10)
+    before = [x.clone() for x in blocks]
+    found = solve(*blocks, right)
+    expected = torch.linalg.solve(dense, right.reshape(2, -1, 3)).reshape(found.shape)
+    assert torch.allclose(found, expected, atol=1e-8)
+    assert all(torch.equal(a, b) for a, b in zip(before, blocks, strict=True))
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -75,25 +87,20 @@ def test_border_is_eliminated_exactly(shared: bool) -> None:
         assert torch.allclose(d_globals, expected[size:], atol=1e-6)
 
 
-def test_a_matrix_that_is_not_positive_definite_gives_nan() -> None:
-    diagonal, next1, next2, _ = banded(4, 3, accelerations=True)
-    right = torch.ones(4, 3, 1).double()
-    assert solve_pentadiagonal(diagonal[0], next1[0], next2[0], right).isfinite().all()
-    diagonal[0, 2] -= 100 * torch.eye(3, dtype=torch.float64)
-    assert solve_pentadiagonal(diagonal[0], next1[0], next2[0], right).isnan().all()
+@pytest.mark.parametrize("solve", [solved, solve_pentadiagonal])
+def test_only_a_matrix_that_is_not_positive_definite_gives_nan(solve: Solver) -> None:
+    *blocks, _ = banded(4, 3, accelerations=True)
+    blocks[0][0, 2] -= 100 * torch.eye(3, dtype=torch.float64)
+    found = solve(*blocks, torch.ones(2, 4, 3, 1).double())
+    assert found[0].isnan().all()
+    assert found[1].isfinite().all()
 
 
-def test_halves_on_threads_give_the_same_bits() -> None:
-    diagonal, next1, next2, _ = banded(9, 4, accelerations=True)
-    right = torch.randn(9, 4, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    system = (diagonal[0], next1[0], next2[0], right)
-    with ThreadPoolExecutor(2) as pool:
-        assert torch.equal(solve_pentadiagonal(*system, on(pool)), solve_pentadiagonal(*system))
-
-
-def test_the_system_given_is_left_as_it_was() -> None:
-    diagonal, next1, next2, _ = banded(6, 3, accelerations=True)
-    system = (diagonal[0], next1[0], next2[0], torch.ones(6, 3, 2).double())
-    before = [x.clone() for x in system]
-    solve_pentadiagonal(*system)
-    assert all(torch.equal(a, b) for a, b in zip(before, system, strict=True))
+def test_a_system_reduced_in_place_gives_the_same_bits_and_is_gone() -> None:
+    *blocks, _ = banded(9, 4, accelerations=True)
+    system = NormalEquations.zeros(2, 9, 4, 2, blocks[0])
+    system.diagonal, system.next1, system.next2 = blocks
+    system.gradient = torch.ones(2, 9, 4, dtype=torch.float64)
+    expected, found = system.reduce(1e-3), system.reduce(1e-3, in_place=True)
+    assert torch.equal(found.frame_only, expected.frame_only)
+    assert system.diagonal.numel() == system.next2.numel() == 0

@@ -33,13 +33,11 @@ def test_diagonal_blocks_are_those_of_the_dense_inverse(frames: int, acceleratio
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 7])
 def test_its_solution_is_the_solver_s(frames: int) -> None:
-    diagonal, next1, next2, _ = banded(frames, N, accelerations=True)
-    right = torch.randn(frames, N, 3, dtype=torch.float64)
-    pieces = selected_inverse(diagonal[0], next1[0], next2[0], lambda t: right[t])
+    *blocks, _ = banded(frames, N, accelerations=True)
+    right = torch.randn(2, frames, N, 3, dtype=torch.float64)
+    pieces = selected_inverse(*(x[0] for x in blocks), lambda t: right[0, t])
     found = torch.cat([piece.solution for piece in [*pieces][::-1]])
-    assert torch.allclose(
-        found, solve_pentadiagonal(diagonal[0], next1[0], next2[0], right), rtol=1e-6, atol=1e-9
-    )
+    assert torch.allclose(found, solve_pentadiagonal(*blocks, right)[0], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("held", [1, 3, 5])
