@@ -20,7 +20,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib import import_module
-from typing import Any
 
 import numpy as np
 import torch
@@ -111,7 +110,8 @@ class BandedCholesky:
     def __init__(self, band: Float[np.ndarray, "T n w"]) -> None:
         frames, n, width = band.shape
         info = ctypes.c_int()
-        size, diagonals, leading = _integers(frames * n, width - 1, width)
+        integers = (frames * n, width - 1, width)
+        size, diagonals, leading = (ctypes.byref(ctypes.c_int(value)) for value in integers)
         _routine("lapack", "dpbtrf")(
             b"L", size, diagonals, band.ctypes.data, leading, ctypes.byref(info)
         )
@@ -122,7 +122,8 @@ class BandedCholesky:
         """Replace right-hand sides, a contiguous array, by the solutions."""
         frames, n, width = self._band.shape
         solve, multiply = _routine("blas", "dtrsm", True), _routine("blas", "dgemm", True)
-        k, one, two, leading = _integers(right.shape[2], n, 2 * n, width - 1)
+        integers = (right.shape[2], n, 2 * n, width - 1)
+        k, one, two, leading = (ctypes.byref(ctypes.c_int(value)) for value in integers)
         plus, minus = (ctypes.byref(ctypes.c_double(sign)) for sign in (1.0, -1.0))
         step, band_step = right.shape[2] * n * ENTRY_BYTES, n * width * ENTRY_BYTES
         heights = [two] * (frames - 2) + [one] * (frames > 1) + [None]  # of the blocks below
@@ -143,10 +144,6 @@ class BandedCholesky:
                     b"N", b"N", k, one, m, minus, here + step, k, L + below, leading, plus, here, k
                 )
             solve(b"R", b"L", b"N", b"N", k, one, plus, L, leading, here, k)
-
-
-def _integers(*values: int) -> list[Any]:
-    return [ctypes.byref(ctypes.c_int(value)) for value in values]
 
 
 @cache
