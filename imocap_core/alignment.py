@@ -17,8 +17,6 @@ from scipy.spatial.transform import Rotation
 MIN_POINTS = 3
 """Fewer points than this leave a rotation undetermined; such an alignment is all NaN."""
 
-"""Median absolute deviation to standard deviation, for a normal distribution."""
-
 
 @dataclass(frozen=True)
 class Alignment:

@@ -89,13 +89,9 @@ def calibrated_round(
     change = mean_change(before, after)
     status = f"the cameras are calibrated from the event: {solved.status}"
     rounds = [first, LoopRound(summary_of(sync), again, again.misfit, change)]
-    stored = _stored(ids, scene, solved, params, _stride(task))
+    step = np.diff(task.moments).min(initial=np.inf) if len(task.moments) > 1 else 1.0
+    stored = _stored(ids, scene, solved, params, float(step))
     return Alternation(rounds, 1, sync, status), stored
-
-
-def _stride(problem: EventProblem) -> float:
-    """Frames of the reference between two moments."""
-    return float(np.diff(problem.moments).min(initial=np.inf)) if len(problem.moments) > 1 else 1.0
 
 
 def _calibration_problem(

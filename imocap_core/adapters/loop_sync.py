@@ -13,12 +13,6 @@ a match is no surer than the monocular motions made it, which knew nothing of ea
 next solve trusts it no more: trusted more in every round, a wrong match would draw the poses
 together until nothing contradicts it. Nor would poses that were drawn together at the matches fit
 as well a repetition later: that too is told by the monocular motions.
-
-The first synchronisation knows monocular motions alone. One that is wrong is like no other: its
-video is not central, whatever it shows, and may look like another action. So the joint motion of
-the single pass decides again which videos take part (docs/decisions.md) and which of them
-is the reference (docs/decisions.md), and where it decides otherwise the loop begins
-there.
 """
 
 from __future__ import annotations

@@ -40,7 +40,6 @@ from imocap_core.people.left_right import (
 from imocap_core.people.performer import (
     FramePlace,
     PerformerKeypoints,
-    RankedTracks,
     SeenMotion,
     choose_by_agreement,
     declared_performer,
@@ -152,18 +151,14 @@ def track_people(
         min_confidence=params.min_confidence,
         max_gap_s=params.max_gap_s,
     )
-    if video is not None and params.looks and _several_people(ranked):
+    several = len(ranked) > 1 and ranked[1][0] > NEGLIGIBLE * ranked[0][0]  # mistakes would matter
+    if video is not None and params.looks and several:
         tracks = [track for _, track in ranked]
         appearances = _appearances_of(video, detected, tracks)
         tracks, appearances = swap_after_meetings(tracks, appearances)
         tracks, _ = join_by_appearance(tracks, appearances)
         ranked = rank(tracks, len(detected.people), detected.size)
     return replace(detected, ranked=ranked)
-
-
-def _several_people(ranked: RankedTracks) -> bool:
-    """Whether somebody else has a score that is large enough for mistakes to matter."""
-    return len(ranked) > 1 and ranked[1][0] > NEGLIGIBLE * ranked[0][0]
 
 
 def choose_performers(

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.signal import find_peaks, savgol_filter
 
 from imocap_core.biomechanics.motion_event import Kind, MotionEvent, Unit
 from imocap_core.sequences import runs
@@ -74,6 +73,8 @@ def _velocity(path_m: Float[np.ndarray, "T 3"], fps: float) -> Float[np.ndarray,
     width = max(5, 2 * round(SPEED_WINDOW_S * fps / 2) + 1)
     if len(path_m) < width:
         return np.full(path_m.shape, np.nan)
+    from scipy.signal import savgol_filter  # takes a second to import, which most runs do not need
+
     return np.asarray(savgol_filter(path_m, width, 2, deriv=1, delta=1 / fps, axis=0))
 
 
@@ -186,6 +187,8 @@ def _first(flags: Bool[np.ndarray, " T"], start: int, step: int) -> int:
 
 def _peaks(curve: Float[np.ndarray, " T"], least: float) -> list[tuple[float, float]]:
     """Place and height of each peak of a least prominence, by the parabola through its top."""
+    from scipy.signal import find_peaks
+
     tops, _ = find_peaks(curve, prominence=least)
     peaks = []
     for t in tops:

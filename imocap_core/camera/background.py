@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -42,10 +44,22 @@ class Matches:
 
 
 @dataclass(frozen=True)
+class _View:
+    """A picture and where it shows background."""
+
+    picture: UInt8[np.ndarray, "H W"]
+    mask: UInt8[np.ndarray, "H W"]
+
+    @cached_property
+    def sift(self) -> Any:
+        """SIFT features and their descriptors; None where there is none."""
+        return cv2.SIFT.create(nfeatures=1500).detectAndCompute(self.picture, self.mask)
+
+
+@dataclass(frozen=True)
 class _Key:
     frame: int
     picture: UInt8[np.ndarray, "H W"]
-    mask: UInt8[np.ndarray, "H W"]
     points: Float[np.ndarray, "N 2"]
     H_first_from_key: Float[np.ndarray, "3 3"]
 
@@ -67,37 +81,44 @@ def track_background(
         min_inliers: matches that a homography needs.
         threshold_px: largest error of an inlier.
 
-    All in pixels of these pictures.
+    All in pixels of these pictures. Pictures with fewer corners than a homography needs become no
+    key frames, and once more than half of the frames are lost (`estimate_camera_motion` then uses
+    none) the others count as lost too: a plain wall costs little.
     """
     boxes = filled_boxes(box_px)
     keys: list[_Key] = []
     matches: list[Matches] = []
     H_first: list[np.ndarray] = []
-    before: np.ndarray | None = None
+    before: _View | None = None
+    lost = 0
     for t, picture in enumerate(pictures):
-        mask = background_mask(picture.shape, boxes[t])
+        view = _View(picture, background_mask(picture.shape, boxes[t]))
         if before is None:
-            keys.append(_make_key(t, picture, mask, np.eye(3), max_features))
+            keys.append(_make_key(t, view, np.eye(3), max_features))
             points = keys[0].points
             matches.append(Matches(0, np.eye(3), points, points, np.ones(len(points), bool)))
+        elif lost > len(boxes) // 2:
+            matches.append(_unmatched(keys[-1], H_first[-1]))
         else:
             predicted = H_first[-1] @ np.linalg.inv(H_first[max(0, t - 2)]) @ H_first[-1]
             match = None
             for key in _candidates(keys, predicted, picture.shape):
-                match = _match(key, picture, mask, predicted, min_inliers, threshold_px)
+                match = _match(key, view, predicted, min_inliers, threshold_px)
                 if match is not None:
                     break
             if match is None and keys[-1].frame != t - 1:
-                mask_before = background_mask(before.shape, boxes[t - 1])
-                keys.append(_make_key(t - 1, before, mask_before, H_first[-1], max_features))
-                match = _match(keys[-1], picture, mask, predicted, min_inliers, threshold_px)
-            if match is None:
-                match = _match_far(keys[-1], picture, mask, min_inliers, threshold_px)
+                key = _make_key(t - 1, before, H_first[-1], max_features)
+                if len(key.points) >= min_inliers:
+                    keys.append(key)
+                    match = _match(key, view, predicted, min_inliers, threshold_px)
+            if match is None and keys[-1].frame == t - 1 and len(keys[-1].points) >= min_inliers:
+                match = _match_far(t - 1, before, view, min_inliers, threshold_px)
+            lost += match is None
             matches.append(match or _unmatched(keys[-1], H_first[-1]))
-        key = next(key for key in keys if key.frame == matches[-1].key)
+        key = next(key for key in reversed(keys) if key.frame == matches[-1].key)
         H = key.H_first_from_key @ matches[-1].H_key_from_frame
         H_first.append(H / H[2, 2])
-        before = picture
+        before = view
     return matches
 
 
@@ -147,11 +168,14 @@ def background_mask(
     return mask
 
 
-def overlap(H_b_from_a: Float[np.ndarray, "3 3"], shape: tuple[int, ...]) -> float:
-    """Share of picture a (height, width) that lies inside picture b of the same shape."""
+def overlap(
+    H_b_from_a: Float[np.ndarray, "*n 3 3"], shape: tuple[int, ...]
+) -> Float[np.ndarray, "*n"]:
+    """Shares of pictures a (height, width) that lie inside pictures b of the same shape."""
     height, width = shape[:2]
     x, y = np.meshgrid(np.linspace(0, width - 1, 12), np.linspace(0, height - 1, 12))
-    return float(_inside(warp(H_b_from_a, np.stack([x, y], axis=-1)), shape).mean())
+    moved = warp(np.asarray(H_b_from_a)[..., None, None, :, :], np.stack([x, y], axis=-1))
+    return np.asarray(_inside(moved, shape).mean(axis=(-2, -1)))
 
 
 def _inside(
@@ -161,38 +185,49 @@ def _inside(
     return np.asarray(((xy >= margin) & (xy <= upper)).all(axis=-1))
 
 
-def _make_key(
-    frame: int, picture: np.ndarray, mask: np.ndarray, H_first: np.ndarray, max_features: int
-) -> _Key:
+def _make_key(frame: int, view: _View, H_first: np.ndarray, max_features: int) -> _Key:
     """A key frame with corners spread over its background."""
-    spacing = max(4.0, 0.7 * np.sqrt(picture.size / max_features))
+    spacing = _spacing_px(view.picture, max_features)
+    points = _corners(view.picture, view.mask, max_features, spacing)
+    return _Key(frame, view.picture, points, H_first)
+
+
+def _spacing_px(picture: np.ndarray, corners: int) -> float:
+    """Distance of so many corners that are spread over a picture."""
+    return max(4.0, 0.7 * float(np.sqrt(picture.size / corners)))
+
+
+def _corners(
+    picture: np.ndarray, mask: np.ndarray, most: int, spacing_px: float
+) -> Float[np.ndarray, "N 2"]:
+    """The best corners of the background, this far from one another."""
     corners = cv2.goodFeaturesToTrack(
-        picture, max_features, qualityLevel=0.004, minDistance=spacing, mask=mask, blockSize=5
+        picture, most, qualityLevel=0.004, minDistance=spacing_px, mask=mask, blockSize=5
     )
-    points = np.zeros((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
-    return _Key(frame, picture, mask, points, H_first)
+    return np.zeros((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
 
 
 def _candidates(
     keys: list[_Key], H_first_from_frame: np.ndarray, shape: tuple[int, ...]
 ) -> list[_Key]:
     """The earliest key frame with enough overlap, then the one with the most."""
-    shares = [overlap(np.linalg.inv(k.H_first_from_key) @ H_first_from_frame, shape) for k in keys]
-    good = [i for i, share in enumerate(shares) if share >= MIN_OVERLAP]
-    if not good:
+    H_key_from_first = np.linalg.inv(np.stack([key.H_first_from_key for key in keys]))
+    shares = overlap(H_key_from_first @ H_first_from_frame, shape)
+    good = np.flatnonzero(shares >= MIN_OVERLAP)
+    if not len(good):
         return []
-    return [keys[i] for i in dict.fromkeys([good[0], int(np.argmax(shares))])]
+    return [keys[i] for i in dict.fromkeys([int(good[0]), int(np.argmax(shares))])]
 
 
 def _match(
     key: _Key,
-    picture: np.ndarray,
-    mask: np.ndarray,
+    view: _View,
     H_first_from_frame: np.ndarray,
     min_inliers: int,
     threshold_px: float,
 ) -> Matches | None:
     """Corners of a key frame tracked by optical flow (Lucas-Kanade) from their predicted places."""
+    picture, mask = view.picture, view.mask
     H_frame_from_key = np.linalg.inv(H_first_from_frame) @ key.H_first_from_key
     guess = warp(H_frame_from_key, key.points)
     visible = _inside(guess, picture.shape, margin=2.0) & _unmasked(mask, guess)
@@ -216,19 +251,17 @@ def _match(
 
 
 def _match_far(
-    key: _Key, picture: np.ndarray, mask: np.ndarray, min_inliers: int, threshold_px: float
+    key: int, of_key: _View, of_frame: _View, min_inliers: int, threshold_px: float
 ) -> Matches | None:
     """Matches without a predicted place: SIFT features and Lowe's ratio test."""
-    sift = cv2.SIFT.create(nfeatures=1500)
-    points_a, described_a = sift.detectAndCompute(key.picture, key.mask)
-    points_b, described_b = sift.detectAndCompute(picture, mask)
+    (points_a, described_a), (points_b, described_b) = of_key.sift, of_frame.sift
     if described_a is None or described_b is None or min(len(points_a), len(points_b)) < 2:
         return None
     pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(described_a, described_b, k=2)
     good = [a for a, b in pairs if a.distance < 0.75 * b.distance]
     xy_key = np.array([points_a[m.queryIdx].pt for m in good], dtype=np.float64).reshape(-1, 2)
     xy_frame = np.array([points_b[m.trainIdx].pt for m in good], dtype=np.float64).reshape(-1, 2)
-    return _fit(key.frame, xy_key, xy_frame, min_inliers, threshold_px)
+    return _fit(key, xy_key, xy_frame, min_inliers, threshold_px)
 
 
 def _fit(
@@ -325,10 +358,6 @@ class FeatureTracks:
         """As a pinhole camera would show them."""
         return replace(self, xy_px=lens.undistorted(self.xy_px))
 
-    def rescaled(self, scale: float) -> FeatureTracks:
-        """Tracks in pictures made smaller by ``scale``, in pixels of the full pictures."""
-        return FeatureTracks(self.track, self.frame, (self.xy_px + 0.5) / scale - 0.5)
-
 
 @dataclass
 class _Brood:
@@ -401,12 +430,8 @@ def _followed(brood: _Brood, picture: np.ndarray, mask: np.ndarray) -> _Brood:
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
     xy = moved.reshape(-1, 2).astype(np.float64)
-    upper = np.array([picture.shape[1] - 1, picture.shape[0] - 1])
-    inside = np.asarray(((xy >= 2) & (xy <= upper - 2)).all(axis=1))
-    column, row = np.where(inside[:, None], xy, 0.0).round().astype(int).T
-    background = np.take(mask, row * mask.shape[1] + column) > 0
-    good = np.asarray(status)[:, 0].astype(bool) & inside & background
-    good &= np.asarray(difference)[:, 0] < MAX_DIFFERENCE
+    good = np.asarray(status)[:, 0].astype(bool) & _inside(xy, picture.shape, margin=2.0)
+    good &= _unmasked(mask, xy) & (np.asarray(difference)[:, 0] < MAX_DIFFERENCE)
     return _Brood(brood.born, brood.picture, brood.first[good], xy[good], brood.track[good])
 
 
@@ -414,12 +439,9 @@ def _new_corners(
     picture: np.ndarray, mask: np.ndarray, broods: list[_Brood], wanted: int, most: int
 ) -> Float[np.ndarray, "P 2"]:
     """The best corners away from those that are followed already."""
-    spacing = max(4.0, 0.7 * np.sqrt(picture.size / wanted))
+    spacing = _spacing_px(picture, wanted)
     free = mask.copy()
     for brood in broods:
         for x, y in brood.now.round().astype(int):
             cv2.circle(free, (int(x), int(y)), int(spacing), 0, -1)
-    corners = cv2.goodFeaturesToTrack(
-        picture, most, qualityLevel=0.004, minDistance=spacing, mask=free, blockSize=5
-    )
-    return np.zeros((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
+    return _corners(picture, free, most, spacing)

@@ -15,12 +15,16 @@ import numpy as np
 from jaxtyping import Float, Int64
 from scipy.optimize import minimize_scalar
 
-from imocap_core.camera.averaging import angle_deg, nearest_rotation
+from imocap_core.camera.averaging import angle_deg
 from imocap_core.camera.background import Matches, chain
 from imocap_core.camera.parallax import ParallaxTest
-from imocap_core.camera.projection import intrinsics, project_camera, rays, warp
-from imocap_core.camera.zooming import homographies, rotations_and_zooms
-from imocap_core.robust import geman_mcclure, geman_mcclure_weight
+from imocap_core.camera.projection import intrinsics, warp
+from imocap_core.camera.zooming import (
+    homographies,
+    rotations_and_zooms,
+    rotations_key_from_frame,
+)
+from imocap_core.robust import geman_mcclure
 
 MotionKind = Literal["static", "rotating", "zooming", "translating", "unknown"]
 FocalSource = Literal["given", "rotation", "structure", "assumed"]
@@ -31,6 +35,7 @@ MIN_MOVEMENT = 0.05  # of the larger side: less movement does not determine the 
 FOCAL_FRAMES = 30  # that moved most
 FOCAL_STEP = 1.15  # the focal length is determined if changing it by this factor raises the error
 EXPLAINED_SHARE = 0.6  # of the background that a rotation must explain
+_CHUNK = 256  # frames whose rotations are solved side by side
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,8 @@ def estimate_camera_motion(
     test = None if parallax is None else parallax()
     if test is not None and test.moves:
         still = replace(still, residual_px=test.off_px)
-        return _translating(matches, still, _rotations(matches, still.K), test.words + unmatched)
+        R = chain(matches, _all_rotations(matches, still.K))
+        return _translating(matches, still, R, test.words + unmatched)
     unmatched += "" if test is None else f"; {test.words}"
     solved = None if focal_px else solve_focal(matches, size)
     if solved:
@@ -132,7 +138,7 @@ def _simplest_motion(
     """``start`` with rotations, with zooms too where rotations alone do not explain the background,
     or with plain homographies where neither does; ``unmatched`` ends the note."""
     K = start.K
-    R_key_from_frame = np.stack([rotation_key_from_frame(match, K)[0] for match in matches])
+    R_key_from_frame = _all_rotations(matches, K)
     R = chain(matches, R_key_from_frame)
     H_key_from_frame = K @ R_key_from_frame @ np.linalg.inv(K)
     residual, explained = _explained(matches, H_key_from_frame, threshold_px)
@@ -170,11 +176,12 @@ def _translating(
     )
 
 
-def _rotations(
+def _all_rotations(
     matches: Sequence[Matches], K: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "T 3 3"]:
-    """Rotations to the first frame that explain the background best."""
-    return chain(matches, np.stack([rotation_key_from_frame(match, K)[0] for match in matches]))
+    """R_key_from_frame of every frame that explains the background best."""
+    parts = [matches[start : start + _CHUNK] for start in range(0, len(matches), _CHUNK)]
+    return np.concatenate([rotations_key_from_frame(part, K, K)[0] for part in parts])
 
 
 def _zooming(
@@ -200,28 +207,6 @@ def _zooming(
     )
 
 
-def rotation_key_from_frame(
-    match: Matches, K: Float[np.ndarray, "3 3"], *, rounds: int = 4
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " N"]]:
-    """R_key_from_frame of one frame, and its error in pixels at every match.
-
-    Robust Wahba problem: rotates rays of the frame onto rays of the key frame.
-    """
-    if not match.inlier.any():
-        H = np.linalg.inv(K) @ match.H_key_from_frame @ K
-        return nearest_rotation(H / np.cbrt(np.linalg.det(H))), np.zeros(0)
-    ray_key, ray_frame = rays(match.xy_key, K), rays(match.xy_frame, K)
-    weight = match.inlier.astype(np.float64)
-    R, error = np.eye(3), np.zeros(len(weight))
-    for _ in range(rounds):
-        R = nearest_rotation((ray_key * weight[:, None]).T @ ray_frame)
-        error = np.linalg.norm(project_camera(ray_frame @ R.T, K) - match.xy_key, axis=1)
-        error = np.where(np.isfinite(error), error, 1e3)
-        scale = max(0.3, 2.0 * float(np.median(error[match.inlier])))
-        weight = match.inlier * geman_mcclure_weight(error, scale)
-    return R, error
-
-
 def solve_focal(matches: Sequence[Matches], size: tuple[int, int]) -> float | None:
     """Self-calibration of a rotating camera: the focal length (px) that makes the homographies
     rotations; None when the matches do not determine it.
@@ -239,7 +224,7 @@ def solve_focal(matches: Sequence[Matches], size: tuple[int, int]) -> float | No
 
     def error(log_focal: float) -> float:
         K = intrinsics(float(np.exp(log_focal)), size)
-        fits = [rotation_key_from_frame(m, K, rounds=2)[1][m.inlier] for m in chosen]
+        fits = rotations_key_from_frame(chosen, K, K, rounds=2)[1]
         return float(np.mean([geman_mcclure(fit**2, 3.0)[0].mean() for fit in fits]))
 
     low, high = (np.log(factor * max(size)) for factor in FOCAL_RANGE)

@@ -72,14 +72,12 @@ def _steepest(
     """Edge pixels moved along their gradients to the largest gradient: the top of a parabola."""
     step = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-6)
     here = np.stack([column, row], axis=1).astype(float)
-    before, middle, after = (_sampled(strength, here + k * step) for k in (-1.0, 0.0, 1.0))
+    before, middle, after = (
+        map_coordinates(strength, (here + k * step)[:, ::-1].T, order=1) for k in (-1.0, 0.0, 1.0)
+    )
     curve = before - 2 * middle + after
     top = np.where(curve < -1e-6, 0.5 * (before - after) / np.minimum(curve, -1e-6), 0.0)
     return np.asarray(here + np.clip(top, -1.0, 1.0)[:, None] * step)
-
-
-def _sampled(values: Float[np.ndarray, "H W"], xy: Float[np.ndarray, "N 2"]) -> np.ndarray:
-    return np.asarray(map_coordinates(values, xy[:, ::-1].T, order=1))
 
 
 def _linked(

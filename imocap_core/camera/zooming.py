@@ -68,7 +68,8 @@ def _relative_to_key(
     """Zoom of one frame divided by its key frame's, and R_key_from_frame."""
 
     def cost(log_zoom: float) -> float:
-        error = _rotation(match, K_key, lens_of(K_key, float(np.exp(log_zoom))))[1]
+        lens = lens_of(K_key, float(np.exp(log_zoom)))
+        error = rotations_key_from_frame([match], K_key, lens, rounds=3)[1][0]
         return float(geman_mcclure(error**2, ROBUST_PX)[0].mean())
 
     start = _log_scale(match)
@@ -77,7 +78,7 @@ def _relative_to_key(
         method="bounded", options={"xatol": 1e-4},
     )  # fmt: skip
     step = float(np.exp(best.x))
-    return step, _rotation(match, K_key, lens_of(K_key, step))[0]
+    return step, rotations_key_from_frame([match], K_key, lens_of(K_key, step), rounds=3)[0][0]
 
 
 def _log_scale(match: Matches) -> float:
@@ -89,16 +90,34 @@ def _log_scale(match: Matches) -> float:
     return float(np.log(sizes[0] / sizes[1])) if min(sizes) > 0 else 0.0
 
 
-def _rotation(
-    match: Matches, K_key: Float[np.ndarray, "3 3"], K_frame: Float[np.ndarray, "3 3"]
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " N"]]:
-    """R_key_from_frame of the robust Wahba problem, and the inliers' errors in pixels."""
-    xy_key, xy_frame = match.xy_key[match.inlier], match.xy_frame[match.inlier]
+def rotations_key_from_frame(
+    matches: Sequence[Matches],
+    K_key: Float[np.ndarray, "3 3"],
+    K_frame: Float[np.ndarray, "3 3"],
+    *,
+    rounds: int = 4,
+) -> tuple[Float[np.ndarray, "F 3 3"], list[Float[np.ndarray, " N"]]]:
+    """R_key_from_frame of some frames, and each one's errors in pixels at its inliers.
+
+    Robust Wahba problems, solved side by side: rays of a frame are rotated onto rays of its key.
+    """
+    counts = np.array([int(match.inlier.sum()) for match in matches])
+    weight = (np.arange(max(counts.max(), 1)) < counts[:, None]).astype(np.float64)
+    there = weight > 0  # rows are filled up to the longest
+    xy_key, xy_frame = (np.zeros((*there.shape, 2)) for _ in range(2))
+    xy_key[there] = np.concatenate([match.xy_key[match.inlier] for match in matches])
+    xy_frame[there] = np.concatenate([match.xy_frame[match.inlier] for match in matches])
     ray_key, ray_frame = rays(xy_key, K_key), rays(xy_frame, K_frame)
-    weight = np.ones(len(ray_key))
-    for _ in range(3):
-        R = nearest_rotation((ray_key * weight[:, None]).T @ ray_frame)
-        error = np.linalg.norm(project_camera(ray_frame @ R.T, K_key) - xy_key, axis=1)
+    middle = np.stack([np.maximum(counts - 1, 0) // 2, counts // 2], axis=1)
+    for _ in range(rounds):
+        R = nearest_rotation(np.swapaxes(ray_key * weight[..., None], 1, 2) @ ray_frame)
+        shown = project_camera(ray_frame @ np.swapaxes(R, 1, 2), K_key)
+        error = np.linalg.norm(shown - xy_key, axis=2)
         error = np.where(np.isfinite(error), error, 1e3)
-        weight = geman_mcclure_weight(error, max(0.3, 2.0 * float(np.median(error))))
-    return R, error
+        ordered = np.sort(np.where(there, error, np.inf), axis=1)
+        median = np.take_along_axis(ordered, middle, axis=1).mean(axis=1)
+        weight = there * geman_mcclure_weight(error / np.maximum(0.3, 2 * median)[:, None], 1.0)
+    for t in np.flatnonzero(counts == 0).tolist():
+        H = np.linalg.inv(K_key) @ matches[t].H_key_from_frame @ K_frame
+        R[t] = nearest_rotation(H / np.cbrt(np.linalg.det(H)))
+    return R, [row[:count] for row, count in zip(error, counts, strict=True)]

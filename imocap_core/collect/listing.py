@@ -447,13 +447,9 @@ def _comment(collected: CollectedList, o: ListedOccurrence) -> str:
     film = Path(collected.films[o.film].video).name
     speed = "" if 0.8 < o.speed < 1.25 else f", about {o.speed:.2g} times the speed"
     first, last = map(clock, o.seconds)
-    where = f"{_one_line(film)}, shot {o.shot}, {first} to {last}"
+    name = "".join(c if c.isprintable() else "?" for c in film)  # nothing that ends a comment
+    where = f"{name}, shot {o.shot}, {first} to {last}"
     return f"{where}: {o.view}, {o.height_px:.0f} px{speed}"
-
-
-def _one_line(text: str) -> str:
-    """A file's name without what would end a comment."""
-    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def _entry(collected: CollectedList, o: ListedOccurrence, *, alone: bool) -> dict[str, Any]:

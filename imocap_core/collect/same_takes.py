@@ -216,17 +216,11 @@ def _either_way(
     if (occurrences[i].film, occurrences[i].shot) == (occurrences[k].film, occurrences[k].shot):
         return None
     for a, b in ((i, k), (k, i)):
-        replay = repeated_motion(
-            _keypoints(occurrences[a], tracks[a]), tracks[b].xy_px, tracks[a].fps, twins
-        )
+        of_a = slice(*(t - tracks[a].first for t in (occurrences[a].first, occurrences[a].stop)))
+        replay = repeated_motion(tracks[a].xy_px[of_a], tracks[b].xy_px, tracks[a].fps, twins)
         if replay is not None:
             return (a, b), replay
     return None
-
-
-def _keypoints(occurrence: Occurrence, track: ShotTrack) -> np.ndarray:
-    """The keypoints of the occurrence's frames."""
-    return track.xy_px[occurrence.first - track.first : occurrence.stop - track.first]
 
 
 def _frames(

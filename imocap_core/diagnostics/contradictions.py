@@ -202,7 +202,8 @@ WORSE = 2.0  # times the error of limbs hidden from the video's own monocular fi
 
 def prediction_findings(predicted: Sequence[PredictedVideo]) -> list[Finding]:
     """One finding per video that is predicted badly, the worst first."""
-    bad = [p for p in predicted if p.error_share > _limit(p)]
+    # Python's max keeps the first of two where the second is NaN
+    bad = [p for p in predicted if p.error_share > max(FAR, WORSE * p.monocular_error_share)]
     return [
         Finding(
             "body",
@@ -215,8 +216,3 @@ def prediction_findings(predicted: Sequence[PredictedVideo]) -> list[Finding]:
         )
         for p in sorted(bad, key=lambda p: -p.error_share)
     ]
-
-
-def _limit(predicted: PredictedVideo) -> float:
-    """Python's max keeps the first of two where the second is NaN."""
-    return max(FAR, WORSE * predicted.monocular_error_share)

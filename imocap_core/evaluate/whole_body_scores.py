@@ -14,7 +14,7 @@ from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion_schemas import VideoMotion
 from imocap_core.body import Model, Posed
 from imocap_core.body.model import rotations_from_pose
-from imocap_core.body.points import PointSet, pick_points
+from imocap_core.body.points import pick_points
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.scoreboard import (
     StageResult,
@@ -168,21 +168,15 @@ def _of_all_frames(parts: Sequence[SurfaceMeasures], scored: bool) -> SurfaceMea
 @lru_cache(maxsize=2)
 def _hand_vertices(model: Model) -> Bool[np.ndarray, " V"]:
     """Vertices whose largest skinning weight is that of a wrist or a joint beyond it."""
-    beyond = [j for j, name in enumerate(model.joint_names) if _is_of_hand(name)]
+    names = enumerate(model.joint_names)
+    beyond = [j for j, name in names if any(part in name for part in HAND_PARTS)]
     return np.isin(model.weights.argmax(dim=1).cpu().numpy(), beyond)
-
-
-def _is_of_hand(joint: str) -> bool:
-    return any(part in joint for part in HAND_PARTS)
 
 
 def foot_points_m(posed: Posed) -> Float[np.ndarray, "T 4 3"]:
     """Heel and big toe of both feet, on the surface."""
-    return np.asarray(posed.keypoints(_foot_points(posed.shaped.model)).cpu().numpy())
-
-
-def _foot_points(model: Model) -> PointSet:
-    return pick_points(model.points("body25"), FOOT_POINTS)
+    points = pick_points(posed.shaped.model.points("body25"), FOOT_POINTS)
+    return np.asarray(posed.keypoints(points).cpu().numpy())
 
 
 JointErrors = dict[str, float]

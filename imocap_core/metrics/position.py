@@ -1,9 +1,9 @@
-"""Joint position errors, of bodies and of hands; a NaN joint or frame is left out.
+"""Joint position errors of bodies and hands: mean over joints, then over frames.
 
-Joint position errors: mean over joints, then over frames; a NaN joint or frame is left out. All
-take root-relative joints (T, J, 3) in metres (`metrics.joints.root_relative`), prediction and truth
-in the axes of the same camera, and return millimetres; ValueError where the two shapes differ.
-Means over videos and actions, unweighted, are the caller's.
+A NaN joint or frame is left out. All take root-relative joints (T, J, 3) in metres
+(`metrics.joints.root_relative`), prediction and truth in the axes of the same camera, and return
+millimetres; ValueError where the two shapes differ. Means over videos and actions, unweighted, are
+the caller's.
 """
 
 from __future__ import annotations

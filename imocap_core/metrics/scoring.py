@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -248,14 +248,11 @@ def _summary(group: Sequence[ScoreRow]) -> ScoreRow:
     values = [row.value for row in group if row.value is not None]
     head = replace(group[0], video=ALL_VIDEOS)
     if not values:
-        return replace(head, value=None, note=_joined(row.note for row in group))
+        notes = dict.fromkeys(row.note for row in group if row.note)
+        return replace(head, value=None, note="; ".join(notes))
     over = np.median if head.metric in MEDIAN_OVER_VIDEOS else np.mean
     partly = "" if len(values) == len(group) else f"{len(values)} of {len(group)} videos scored"
     return replace(head, value=float(over(values)), note=partly)
-
-
-def _joined(notes: Iterable[str]) -> str:
-    return "; ".join(dict.fromkeys(note for note in notes if note))
 
 
 def scored_row(result: str, video: str, metric: str, value: float, if_nan: str) -> ScoreRow:

@@ -1,17 +1,13 @@
 """Left-right swaps of a detector, found and repaired by dynamic programming over time (Viterbi).
 
-Arms or legs alone with left and right swapped, told by the trunk's impossible twist. A detector
-that takes a back for a front may swap the arms and keep the legs, or the reverse. Then the
-shoulders lie in the picture the other way round than the hips, which no trunk can do while both are
-wide. Each frame is as reported, or its arms or its legs are swapped; the cheapest sequence of these
-states, by the twist and by how far the limbs' joints move from frame to frame, is the estimate
-(Viterbi). Unlike a swap of all limbs, this one may last: nobody turns round like that. A stretch in
-which the twist does not speak for it stays as reported: a limb that jumps once, as where legs
-cross, would else be swapped from there to the end.
-
 Per limb (arms, legs, face) each frame is either as reported or swapped. The cheapest sequence of
 these states, by how far the limb's joints move from frame to frame, is the estimate; a change of
 state costs something, and so does every swapped frame, so that correct frames stay as they are.
+
+Arms or legs alone: a detector that takes a back for a front may swap the arms and keep the legs, or
+the reverse. Then the shoulders lie the other way round than the hips, an impossible twist of the
+trunk while both are wide, which counts too. Such a swap may last; a stretch in which the twist does
+not speak for it stays as reported (a limb that jumps once, as where legs cross).
 """
 
 from __future__ import annotations

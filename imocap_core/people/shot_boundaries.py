@@ -14,7 +14,6 @@ another part of the body, which moves otherwise.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -46,13 +45,17 @@ def best_correlation(a: Float[np.ndarray, "27 48"], b: Float[np.ndarray, "27 48"
 def find_cuts(pictures: Iterable[UInt8[np.ndarray, "H W"]]) -> list[int]:
     """Indices of the pictures (grey, of one size) with which a new shot begins."""
     thumbs = [thumbnail(picture) for picture in pictures]
-    steps = [best_correlation(a, b) for a, b in pairwise(thumbs)]
     cuts = []
     for t in range(1, len(thumbs)):  # between t - 1 and t
-        if steps[t - 1] > LEAST_CORRELATION:
+        before, after = thumbs[t - 1 : t + 1]
+        if _shifted_correlation(before, after, 0, 0) > LEAST_CORRELATION:
+            continue  # alike as they are: no shifts are needed
+        step = best_correlation(before, after)
+        if step > LEAST_CORRELATION:
             continue
-        near = steps[max(0, t - 2) : t - 1] + steps[t : t + 1]
-        if near and (min(near) < ALIKE or 1 - steps[t - 1] < TIMES * (1 - min(near))):
+        beside = thumbs[max(0, t - 2) : t], thumbs[t : t + 2]
+        near = [best_correlation(*pair) for pair in beside if len(pair) == 2]
+        if near and (min(near) < ALIKE or 1 - step < TIMES * (1 - min(near))):
             continue
         around = [
             best_correlation(thumbs[a], thumbs[b])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -175,7 +175,8 @@ def html_page(
     """
     titles = [*(p.title for p in parts), _COLUMNS]
     nav = " ".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
-    glossary = {c: GLOSSARY[c] for t in _tables(parts) for c in t.columns if c in GLOSSARY}
+    tables = [table for part in parts for table in (*part.tables, *part.folded_tables)]
+    glossary = {c: GLOSSARY[c] for t in tables for c in t.columns if c in GLOSSARY}
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -317,10 +318,6 @@ def _glossary(glossary: dict[str, str]) -> str:
         "<p>In full: docs/metrics.md and docs/uncertainty.md. For programs: metrics.json and one "
         "CSV per table.</p>\n"
     )
-
-
-def _tables(parts: Iterable[Section]) -> list[Table]:
-    return [table for part in parts for table in (*part.tables, *part.folded_tables)]
 
 
 def _anchor(title: str) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from imocap_core.camera import background
 from imocap_core.camera.averaging import angle_deg
 from imocap_core.camera.background import (
     background_mask,
@@ -153,10 +154,16 @@ def test_a_jump_is_found_again_by_its_features():
     assert errors_deg(estimate, R).max() < 0.3
 
 
-def test_a_black_clip_cannot_be_followed_and_says_so():
-    estimate, _ = look([np.zeros((180, 320), np.uint8)] * 5, np.full((5, 4), np.nan))
+@pytest.mark.parametrize("noise", [0.0, 12.0])
+def test_a_plain_wall_cannot_be_followed_says_so_and_costs_little(monkeypatch, noise):
+    rng = np.random.default_rng(2)
+    far, costly = background._match_far, []
+    monkeypatch.setattr(background, "_match_far", lambda *a: costly.append(a) or far(*a))
+    plain = [np.clip(235 + noise * rng.normal(size=(180, 320)), 0, 255) for _ in range(20)]
+    estimate, _ = look([picture.astype(np.uint8) for picture in plain], np.full((20, 4), np.nan))
     assert estimate.motion == "unknown"
     assert "too few features to track" in estimate.note
+    assert len(costly) <= (11 if noise else 0)
 
 
 def test_one_frame_is_a_clip():
