@@ -324,4 +324,9 @@ def cast_shadow(
     H = K @ np.column_stack([R_cam_from_world[:, 0], R_cam_from_world[:, 1], t]) @ floor_from_cell
     size = (image.shape[1], image.shape[0])
     factor = cv2.warpPerspective(light, H, size, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
-    return np.rint(image * factor[..., None]).astype(np.uint8)
+    rows, columns = (np.flatnonzero((factor < 1.0).any(axis)) for axis in (1, 0))
+    shown = image.copy()
+    if len(rows):
+        dark = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        shown[dark] = np.rint(image[dark] * factor[dark][..., None])
+    return shown

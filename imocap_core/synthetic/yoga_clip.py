@@ -137,7 +137,8 @@ def pictures(
         image = draw_mesh(image, vertices, faces, colors, camera.K, R, t)
         y, x = grain_rng.integers(height), grain_rng.integers(width)
         noisy = image + grain[y : y + height, x : x + width]
-        yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+        np.rint(noisy, out=noisy)
+        yield np.clip(noisy, 0, 255, out=noisy).astype(np.uint8)
 
 
 def _skinned(clip: DemoClip, shaped: Shaped) -> Iterator[Float[np.ndarray, "V 3"]]:

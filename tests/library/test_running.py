@@ -47,7 +47,7 @@ print(*result.ids, end.state)
 
 @pytest.mark.long
 def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_path: Path) -> None:
-    """As a file, from the standard input and as an argument, all at once."""
+    """As a file and from the standard input, both at once."""
     (tmp_path / "script.py").write_text(SCRIPT)
     started = [
         subprocess.Popen(
@@ -55,7 +55,7 @@ def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, cwd=tmp_path,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )
-        for words in (["script.py"], ["-"], ["-c", SCRIPT])
+        for words in (["script.py"], ["-"])
     ]  # fmt: skip
     for process in started:
         out, err = process.communicate(SCRIPT, timeout=500)
