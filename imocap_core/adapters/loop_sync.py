@@ -123,6 +123,7 @@ def _everywhere(sync_map: SyncMap) -> Float[np.ndarray, " T"]:
     return np.asarray(np.interp(every, matched, sync_map.confidence[matched]))
 
 
+SAME_S = 0.25  # correspondences further apart are not the same: another cycle of a repeated action
 Solve = Callable[[SyncSummary], tuple[JointProblem, JointMotion]]
 
 
@@ -187,11 +188,21 @@ class LoopSync:
         sync = self._of_motion(problem, single_pass.motion, first, None)
         if sync.reference == first.reference:
             return LoopBeginning(problem, single_pass, decided is not None), sync
-        reference = sync.reference
+        of_motion = summary_of(sync)
         del sync  # its memory is needed
-        first = summary_of(self._of_monocular_motions(first, reference))
-        problem, motion = problem.on_axis_of(first, single_pass.motion)
-        return LoopBeginning(problem, replace(single_pass, sync=first, motion=motion), True), None
+        again = summary_of(self._of_monocular_motions(first, of_motion.reference))
+        if self._apart_s(of_motion, again) > SAME_S:
+            sync = self._of_motion(problem, single_pass.motion, first, first.reference)
+            return LoopBeginning(problem, single_pass, decided is not None), sync
+        problem, motion = problem.on_axis_of(again, single_pass.motion)
+        return LoopBeginning(problem, replace(single_pass, sync=again, motion=motion), True), None
+
+    def _apart_s(self, a: SyncSummary, b: SyncSummary) -> float:
+        """The median distance of two correspondences on one axis, of the video where it is most."""
+        fps = {video.id: video.fps for video in self.keypoints.videos}[a.reference]
+        maps = {m.id: m.reference_frame for m in b.maps}
+        apart = [np.abs(m.reference_frame - maps[m.id]) / fps for m in a.maps]
+        return max(float(np.median(x[np.isfinite(x)])) for x in apart if np.isfinite(x).any())
 
     def first_of(self, begun: LoopBeginning) -> Sync:
         """The correspondences that the loop begins with, as a whole."""

