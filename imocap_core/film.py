@@ -12,7 +12,6 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
-from matplotlib.colors import to_rgb
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.adapters.lenses import lenses_of
@@ -33,7 +32,7 @@ from imocap_core.camera.projection import Lens
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.overlays import LIGHT, draw_keypoints
 from imocap_core.figures.sheets import surfaces
-from imocap_core.figures.style import DIMMED, WHITE, color_of, write, write_strip
+from imocap_core.figures.style import DIMMED, WHITE, rgb_of, write, write_strip
 from imocap_core.figures.style import PALE as PALE_TEXT
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed, title_of
 from imocap_core.io.video import read_rgb
@@ -95,12 +94,6 @@ def overlay_bodies(
             keypoints.videos, camera_motion.videos, motions, strict=True
         )
     ]
-
-
-def rgb_of(ids: Sequence[str], video: str) -> RGB:
-    """The colour of a video in every figure, 0 to 255."""
-    r, g, b = (round(255 * c) for c in to_rgb(color_of(ids, video)))
-    return r, g, b
 
 
 def projections(
@@ -365,27 +358,27 @@ def lock_step(
     files: Mapping[str, Path | None],
     name: str,
     paints: Mapping[str, Paint] | None = None,
-    every: int = 1,
+    part: slice = slice(None),
 ) -> Iterator[Image]:
     """The film of an action: the videos named in `files` (None: there is no file) on the common
-    time axis, a frame at each of `common_moments`, or at `every` so many of them; `paints`: what is
-    painted over some videos."""
+    time axis, a frame at each of `common_moments`, or at a part of them; `paints`: what is painted
+    over some videos."""
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-    videos = [thinned(video, every) for video in synced_videos(keypoints, sync, files, paints)]
+    videos = [part_of(video, part) for video in synced_videos(keypoints, sync, files, paints)]
     film = side_by_side(videos, tile_shape([v for v in keypoints.videos if v.id in files]))
     title = f"{name}: {len(videos)} videos on one time axis"
-    return framed(film, videos, common_moments(keypoints, sync)[::every] / fps, title)
+    return framed(film, videos, common_moments(keypoints, sync)[part] / fps, title)
 
 
-def thinned(video: SyncedVideo, every: int) -> SyncedVideo:
-    """The video at every so many moments."""
+def part_of(video: SyncedVideo, part: slice) -> SyncedVideo:
+    """The video at some of the moments."""
     return replace(
         video,
-        index=video.index[::every],
-        frames=video.frames[::every],
-        matched=video.matched[::every],
-        confidence=video.confidence[::every],
-        windows=video.windows[::every],
+        index=video.index[part],
+        frames=video.frames[part],
+        matched=video.matched[part],
+        confidence=video.confidence[part],
+        windows=video.windows[part],
     )
 
 
@@ -468,7 +461,13 @@ class Film:
 
 
 def films_of(
-    result: ActionResult, kind: FilmKind, *, mesh: bool, motion: MotionKind, opacity: float
+    result: ActionResult,
+    kind: FilmKind,
+    *,
+    mesh: bool,
+    motion: MotionKind,
+    opacity: float,
+    span_s: tuple[float, float] | None = None,
 ) -> list[Film]:
     """The films of an action: the body over each video, and all videos in lock-step.
 
@@ -476,9 +475,11 @@ def films_of(
         mesh: draw the body in the side-by-side film too.
         motion: the final one, or what each video alone says.
         opacity: of the body, 0 to 1.
+        span_s: of the common time, from and to; only the film of all videos is of a part.
+
+    ValueError where the span is none.
     """
     from imocap_core.body import load_free_body
-    from imocap_core.figures.sync_summary import common_moments
 
     artifacts = result.artifacts
     keypoints, sync = artifacts.get(Keypoints), result.sync.summary
@@ -500,24 +501,40 @@ def films_of(
         return lambda: overlay_film(bodies[number], model, alpha=opacity)
 
     films = []
-    if kind != "side-by-side":
+    if kind != "side-by-side" and span_s is None:
         films += [
             Film(f"overlay_{v.id}.mp4", len(v.frames), v.fps, overlay(n))
             for n, v in enumerate(keypoints.videos)
         ]
-    if kind != "overlay" and len(bodies) > 1:
+    if span_s is not None or (kind != "overlay" and len(bodies) > 1):
         paints = {
             body.keypoints.id: Painter(body, model, alpha=opacity if mesh else 0.0)
             for body in bodies
             if mesh or body.file is None  # where there is no video, keypoints are shown
         }
 
-        def together() -> Iterator[Any]:
-            return lock_step(keypoints, sync, files, result.action, paints)
-
         fps = result[result.reference].fps
-        films.append(Film(SIDE_BY_SIDE, len(common_moments(keypoints, sync)), fps, together))
+        moments_s = common_moments(keypoints, sync) / fps
+        name, part = SIDE_BY_SIDE, slice(None)
+        if span_s is not None:
+            name, part = f"loop_{span_s[0]:.2f}-{span_s[1]:.2f}s.mp4", _within(moments_s, *span_s)
+
+        def together() -> Iterator[Any]:
+            return lock_step(keypoints, sync, files, result.action, paints, part)
+
+        films.append(Film(name, len(moments_s[part]), fps, together))
     return films
+
+
+def _within(moments_s: Float[np.ndarray, " N"], first: float, last: float) -> slice:
+    """The moments from the one to the other. ValueError where there are none."""
+    inside = np.flatnonzero((moments_s >= first - 1e-6) & (moments_s <= last + 1e-6))
+    if not len(inside):
+        raise ValueError(
+            f"--from and --to: expected a span within {moments_s[0]:.2f} to {moments_s[-1]:.2f} s, "
+            f"got {first:.2f} to {last:.2f}"
+        )
+    return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
 def write_films(

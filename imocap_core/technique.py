@@ -19,7 +19,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
-from imocap_core.rotations import exp, geodesic_angle, log, mean
+from imocap_core.rotations import geodesic_angle, log, mean
 
 ROUNDS = 3  # alternations of mean and headings; the first nearly converges
 
@@ -283,13 +283,6 @@ def modes(turns: Float[np.ndarray, "M N J 3"]) -> Modes:
             scores[:, k], shapes[k] = -scores[:, k], -shapes[k]
     squares = sigma[chosen] ** 2
     return Modes(squares / max(float(squares.sum()), 1e-300), scores, shapes)
-
-
-def along_mode(
-    R_local: Float[np.ndarray, "N J 3 3"], shape: Float[np.ndarray, "N J 3"], amount_deg: float
-) -> Float[np.ndarray, "N J 3 3"]:
-    """The mean motion displaced along a mode's shape."""
-    return np.asarray(R_local @ exp(torch.as_tensor(amount_deg * shape)).numpy())
 
 
 LEAST_M = 1e-3  # a spread below it counts as this much

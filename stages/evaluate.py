@@ -16,7 +16,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.cli import stage_main
-from imocap_core.evaluate.action_scores import score_action
+from imocap_core.evaluate.action_scores import score_action, score_results
 from imocap_core.evaluate.scoreboard import action_truth, stage_results, true_positions
 from imocap_core.figures.sheets import sheet_videos
 from imocap_core.params import Params
@@ -42,9 +42,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
 
     ctx.progress(0.1, "scoring")
     results = stage_results(initial, sync, inputs.get(SmplBa), refined, camera_motion)
-    scores = score_action(
-        results, keypoints, camera_motion, sync, refined, claimed, hands, truth, model
-    )
+    rows = score_results(results, keypoints, camera_motion, truth, model)
+    scores = score_action(rows, results, keypoints, sync, refined, claimed, hands, truth)
     tables = evaluation_tables(
         scores, keypoints, camera_motion, initial, refined, claimed, inputs.get(Redetect), truth
     )

@@ -59,6 +59,18 @@ def test_one_kind_alone_and_the_monocular_result(made: Made, tmp_path: Path) -> 
     assert (first != last).any()
 
 
+def test_a_part_is_a_film_of_all_videos(made: Made, tmp_path: Path) -> None:
+    how = {"mesh": False, "motion": "final", "opacity": 0.7}
+    result = result_of(stored_job(tmp_path, made))
+    (film,) = films_of(result, "both", span_s=(0.1, 0.3), **how)
+    assert (film.name, film.count) == ("loop_0.10-0.30s.mp4", 7)
+    (whole,) = films_of(result, "side-by-side", **how)
+    for part, same in zip(film.frames(), list(whole.frames())[3:], strict=False):
+        assert (part[50:-80] == same[50:-80]).all()
+    with pytest.raises(ValueError, match=r"span within 0\.00 to 0\.\d+ s, got 5\.00 to 6\.00"):
+        films_of(result, "both", span_s=(5.0, 6.0), **how)
+
+
 def test_an_action_that_has_not_run_is_named_with_the_remedy(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     job.store.current(NAME, "refine_sync").unlink()

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.technique import (
     AlignedPerformances,
-    along_mode,
     at_moments,
     consistency,
     difference,
@@ -114,7 +113,8 @@ def test_a_given_mode_is_recovered() -> None:
     np.testing.assert_allclose(got.scores[:, 0], scores, atol=0.02)
     np.testing.assert_allclose(got.shapes[0], shape, atol=np.deg2rad(0.02))
     assert got.deviations()[0] == pytest.approx(scores.std(ddof=1), rel=0.01)
-    back = along_mode(mean.R_local, got.shapes[0], got.scores[3, 0])
+    turn = Rotation.from_rotvec((got.scores[3, 0] * got.shapes[0]).reshape(-1, 3)).as_matrix()
+    back = mean.R_local @ turn.reshape(mean.R_local.shape)
     off = Rotation.from_matrix((back.swapaxes(-1, -2) @ performances.R_local[3]).reshape(-1, 3, 3))
     assert np.rad2deg(off.magnitude()).max() < 0.2
 

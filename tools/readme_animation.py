@@ -47,7 +47,9 @@ def main() -> None:
         lenses_of(cameras, refined),
     )
     paints = {body.keypoints.id: Painter(body, model, alpha=given.opacity) for body in bodies}
-    film = lock_step(keypoints, refined.sync, files, result.action, paints, given.every)
+    film = lock_step(
+        keypoints, refined.sync, files, result.action, paints, slice(None, None, given.every)
+    )
     frames = [Image.fromarray(smaller(frame, given.width)) for frame in film]
     fps = next(v.fps for v in keypoints.videos if v.id == refined.sync.reference) / given.every
     options = {"quality": given.quality, "method": 6} if given.out.suffix == ".webp" else {}

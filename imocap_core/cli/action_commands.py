@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,8 +17,9 @@ from imocap_core.cli.options import (
     print_json,
     root_of,
     speaker,
+    wait_until_done,
 )
-from imocap_core.errors import Stopped, WrongUse
+from imocap_core.errors import WrongUse
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -191,39 +187,17 @@ def pick_command(
 
     The page is served on this machine only, until Done or Ctrl-C, and writes action.yaml.
     """
-    import webbrowser
-
     from imocap_core.pick.server import picking
 
     console = speaker(markup=False)
     serving = picking(name, videos or [], root_of(context), port, console.print)
-    with serving as served, _interrupted():
+    with serving as served:
         for remark in served.remarks:
             console.print(remark)
         console.print(f"Pick at {served.address}")
         console.print("The address is for you alone. Done on the page, or Ctrl-C, ends it.")
-        if open_page and _has_screen():
-            webbrowser.open(served.address)
-        while not served.done.wait(0.5):
-            pass
+        wait_until_done(served, open_page)
     console.print(f"action.yaml is up to date. Next: imocap run {name}")
-
-
-@contextmanager
-def _interrupted() -> Iterator[None]:
-    """A body that Ctrl-C ends without an error."""
-    try:
-        yield
-    except Stopped as stop:
-        if stop.exit_code != 128 + signal.SIGINT:
-            raise
-
-
-def _has_screen() -> bool:
-    """Whether a browser has where to open: without, one for terminals would take this one."""
-    return sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
-    )
 
 
 def detect_command(

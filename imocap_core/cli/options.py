@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
 import sys
+import webbrowser
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -16,9 +19,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from imocap_core.errors import Stopped
+
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from imocap_core.pick.server import Served
     from imocap_core.workspace import Workspace
 
 
@@ -156,3 +162,19 @@ def plain(value: Any) -> Any:
         return str(value)
     number = value.item() if hasattr(value, "item") else value
     return None if isinstance(number, float) and not math.isfinite(number) else number
+
+
+def wait_until_done(served: Served, open_page: bool) -> None:
+    """Open a page that is served, and wait until its user is done, or for Ctrl-C.
+
+    Without a screen no browser is opened: one for terminals would take this one.
+    """
+    screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    try:
+        if open_page and (sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))):
+            webbrowser.open(served.address)
+        while not served.done.wait(0.5):
+            pass
+    except Stopped as stop:
+        if stop.exit_code != 128 + signal.SIGINT:
+            raise

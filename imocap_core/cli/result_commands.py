@@ -18,8 +18,9 @@ from imocap_core.cli.options import (
     print_json,
     root_of,
     speaker,
+    wait_until_done,
 )
-from imocap_core.errors import WorkFailed
+from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
 
 if TYPE_CHECKING:
@@ -46,12 +47,21 @@ def view_command(
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Follow a run on a page, until Ctrl-C.")
+    ] = False,
     sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write the 3D viewer of an action, one HTML file.
 
     Prints the paths of the report and of the viewer, which needs no other file and no network.
+    With --serve, a page on this machine shows what a run has made so far; in the end, the viewer.
     """
+    if serve:
+        if out is not None or moment is not None:
+            raise WrongUse("--serve shows the whole viewer; leave out --out and --moment")
+        _serve(action, root_of(context), sets, open_page)
+        return
     from rich.markup import escape
 
     from imocap_core.library.outputs import view
@@ -77,6 +87,16 @@ def view_command(
     page = viewer.file or viewer.report
     if open_page and page is not None:
         _open(page)
+
+
+def _serve(action: str, root: Path, sets: list[str], open_page: bool) -> None:
+    from imocap_core.pick.live import following
+
+    console = speaker(markup=False)
+    with following(action, root, sets, console.print) as served:
+        console.print(f"Follow {action} at {served.address}")
+        console.print("The address is for you alone. Ctrl-C ends it.")
+        wait_until_done(served, open_page)
 
 
 def _open(page: Path) -> None:
@@ -207,6 +227,13 @@ def video_command(
     opacity: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Opacity of the body; 1 hides the person.")
     ] = 0.75,
+    first: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="SECONDS", help="Only this part of the common time, side by side."
+        ),
+    ] = None,
+    last: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Its end.")] = None,
     sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write overlay and side-by-side films of an action (H.264)."""
@@ -214,12 +241,15 @@ def video_command(
 
     console = speaker(markup=False)
     began = time.perf_counter()
+    if (first is None) != (last is None):
+        raise WrongUse("--from and --to belong together: the ends of a part, in seconds")
     planned, folder = films(
         action,
         kind=kind,
         mesh=mesh,
         motion=result,
         opacity=opacity,
+        span=None if first is None or last is None else (first, last),
         root=root_of(context),
         params=sets,
     )

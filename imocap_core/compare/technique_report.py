@@ -36,7 +36,7 @@ from imocap_core.figures.style import VIDEO_COLORS, quiet, save
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.result.video import VideoResult
-from imocap_core.technique import MotionDifference, along_mode, in_words, over_moments, plain_angle
+from imocap_core.technique import MotionDifference, in_words, over_moments, plain_angle
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
 from imocap_core.viewer.viewer_video import picture_entry, stride, windows
@@ -242,9 +242,6 @@ def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
     }
 
 
-_SHOWN_MODES = 3
-
-
 def write_technique(
     out: Path, t: Technique, videos: Mapping[str, VideoResult] | None = None
 ) -> list[Path]:
@@ -256,19 +253,10 @@ def write_technique(
     about = f"{len(each.ids)} performances of {t.action}"
     pictures: dict[str, Figure] = {}
     with quiet():
-        pictures["mean.png"] = parts.motion_figure(
-            each.ids, each.phase_s, t.mean.joints, each.joints, each.inside,
-            "The mean motion", f"{about} on one body, facing one way, at equal phases",
-        )  # fmt: skip
         pictures["deviation.png"] = parts.deviation_figure(
             each.phase_s, t.spread_deg, t.spread_mm, names, "How far performances differ",
             f"standard deviation of {about} from their mean",
         )  # fmt: skip
-        if t.modes.share.size:
-            pictures["modes.png"] = parts.modes_figure(
-                each.ids, t.modes.share, t.modes.scores, t.modes.of_joints(), names,
-                [_mode_pose(t, k) for k in range(min(_SHOWN_MODES, len(t.modes.share)))],
-            )  # fmt: skip
         if np.isfinite(t.lead_s).any():
             pictures["timing.png"] = parts.timing_figure(each.ids, each.phase_s, t.lead_s)
         make_folder(out)
@@ -313,26 +301,6 @@ def mean_clip(t: Technique) -> MotionClip:
     )
 
 
-def _mode_pose(t: Technique, mode: int) -> parts.ModePose:
-    """Phase of a mode's largest effect; the body there: mean, one standard deviation up, down."""
-    deviation = float(t.modes.deviations()[mode])
-    bodies = [
-        _placed(t, along_mode(t.mean.R_local, t.modes.shapes[mode], k * deviation))
-        for k in (0, 1, -1)
-    ]
-    most = int(((bodies[1] - bodies[2]) ** 2).sum((1, 2)).argmax())
-    return float(t.instances.phase_s[most]), bodies[0][most], bodies[1][most], bodies[2][most]
-
-
-def _placed(t: Technique, R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N J 3"]:
-    """Joints (N, J, 3) relative to the pelvis, metres, of rotations (N, J, 3, 3) on one body."""
-    count = R_local.shape[1]
-    R = torch.as_tensor(in_smpl(R_local))
-    body = t.performances.shaped.pose(R, torch.zeros(3, dtype=torch.float64))
-    joints = body.joints.numpy()
-    return np.asarray((joints - joints[:, :1])[:, :count])
-
-
 def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
     """(M,) root mean square distance of a performance from the mean, over joints and moments."""
     squares = (t.mean.shifts**2).sum(-1).mean(-1)
@@ -374,8 +342,12 @@ def _report(t: Technique, pictures: list[str], findings: list[MotionDifference])
             *parts.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
             "",
             *markdown_list(findings),
+            "Ways to differ (modes, at one standard deviation):",
+            "",
+            *parts.mode_sentences(t.modes, names),
+            "",
         ]
-    titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}
+    titles = {"deviation": "Deviation", "timing": "Timing"}
     for picture in pictures:
         title = titles[picture.removesuffix(".png")]
         lines += [f"## {title}", "", f"![{title}]({picture})", ""]
@@ -393,20 +365,13 @@ def make_folder(out: Path) -> None:
 def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
     """report.md, joints.csv and pictures of two performers; the report first."""
     first, second = pair.first.action, pair.second.action
-    names, ids = pair.first.instances.joint_names, (first, second)
-    both = np.stack(pair.joints)
+    names = pair.first.instances.joint_names
     with quiet():
-        motion = parts.motion_figure(
-            ids, pair.phase_s, None, both, np.ones(both.shape[:2], dtype=bool),
-            "Two performers", f"mean motions of {first} and {second} at {first}'s phases, "
-            f"on one body, facing one way",
-        )  # fmt: skip
         heat = parts.deviation_figure(
             pair.phase_s, pair.difference.angle_deg, pair.difference.distance_mm, names,
             "Where they differ", f"between the mean motions of {first} and {second}",
         )  # fmt: skip
         make_folder(out)
-        save(motion, out / "motions.png")
         save(heat, out / "difference.png")
     parts.write_course(
         out / "joints.csv", pair.phase_s, names,
@@ -421,7 +386,7 @@ def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
     findings = pair_findings(pair, angles)
     (out / "report.md").write_text(_pair_report(pair, findings), encoding="utf-8")
     (out / "report.html").write_text(pair_page(pair, angles, findings), encoding="utf-8")
-    names_ = ("report.md", "report.html", "joints.csv", "motions.png", "difference.png")
+    names_ = ("report.md", "report.html", "joints.csv", "difference.png")
     return [out / name for name in names_]
 
 
@@ -459,8 +424,6 @@ def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
             "deviations of each performer's repetitions. Largest:",
             "",
             *parts.moment_sentences(pair.phase_s, between.distance_mm, names, "mm"),
-            "",
-            "![Two performers](motions.png)",
             "",
             "![Where they differ](difference.png)",
             "",

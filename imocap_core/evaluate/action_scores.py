@@ -170,22 +170,22 @@ class ActionScores:
 
 
 def score_action(
+    of_results: Sequence[ScoreRow],
     results: Sequence[StageResult],
     keypoints: Keypoints,
-    camera_motion: CameraMotion,
     sync: Sync,
     refined: RefineSync,
     claimed: Uncertainty,
     hands: Hands,
     truth: Truth | None,
-    model: Model,
 ) -> ActionScores:
     """Score the results against the truth, where there is one.
 
     Args:
+        of_results: of `score_results`.
         sync, refined: the first synchronisation, and the loop's.
     """
-    rows = score_results(results, keypoints, camera_motion, truth, model)
+    rows = [*of_results]
     rows += [cycle_row(SINGLE_PASS, sync), cycle_row(AFTER_LOOP, refined.sync)]
     after = [row for row in rows if row.result == AFTER_LOOP]
     rows += normalised_camera_rows(after, claimed)

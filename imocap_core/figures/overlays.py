@@ -14,7 +14,7 @@ from matplotlib.image import FigureImage
 from matplotlib.transforms import Affine2D
 
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
-from imocap_core.figures.style import DPI, QUIET, headline, new_figure
+from imocap_core.figures.style import DPI, new_figure
 from imocap_core.render import Light, draw_mesh
 
 _RADIUS_PX = 3  # of a keypoint's dot
@@ -23,6 +23,7 @@ Image = UInt8[np.ndarray, "_ _ 3"]  # height, width, RGB
 CELL_PX = (216, 270)
 """Width and height of one picture of a contact sheet."""
 _GAP_PX = 5
+_NAME_BOX = {"boxstyle": "round,pad=0.35", "facecolor": "#3b444d", "linewidth": 0}
 
 LEFT_RGB, RIGHT_RGB, MIDDLE_RGB = (232, 151, 61), (62, 137, 201), (240, 240, 240)
 _BODY_RGB = (178, 196, 214)
@@ -168,42 +169,41 @@ def from_the_side(
 
 
 def contact_sheet(
-    rows: Sequence[Sequence[Image]],
-    row_names: Sequence[str],
-    column_names: Sequence[str],
-    title: str,
-    subtitle: str,
+    rows: Sequence[Sequence[Image]], row_names: Sequence[str], column_names: Sequence[str]
 ) -> Figure:
-    """Pictures in a grid at full resolution, with row names at the left and column names below."""
+    """Pictures in a grid at full resolution, with row names at the left and column names below.
+
+    What is not a picture is transparent, and names are light on dark: for pages light and dark.
+    """
     width, height = CELL_PX[0] + _GAP_PX, CELL_PX[1] + _GAP_PX
-    mosaic = np.full((height * len(rows), width * len(column_names), 3), 255, dtype=np.uint8)
+    mosaic = np.full((height * len(rows), width * len(column_names), 3), PAPER_RGB, dtype=np.uint8)
     for r, pictures in enumerate(rows):
         for c, picture in enumerate(pictures):
             mosaic[r * height : r * height + CELL_PX[1], c * width : c * width + CELL_PX[0]] = (
                 picture
             )
-    left, below, above = 120, 34, 66  # pixels around the mosaic
-    size = (mosaic.shape[1] + left, mosaic.shape[0] + below + above)
+    left, below = 150, 38  # pixels beside the mosaic
+    size = (mosaic.shape[1] + left, mosaic.shape[0] + below)
     figure = new_figure(size[0] / DPI, size[1] / DPI, arranged=False)
     figure.add_artist(_Unscaled(figure, mosaic, left, below))
+    style: dict[str, Any] = {"color": "white", "fontsize": 9.5, "bbox": _NAME_BOX}
     for r, name in enumerate(row_names):
-        middle = 1 - (above + r * height + CELL_PX[1] / 2) / size[1]
-        figure.text((left - 12) / size[0], middle, name, ha="right", va="center")
+        middle = 1 - (r * height + CELL_PX[1] / 2) / size[1]
+        figure.text((left - 14) / size[0], middle, name, ha="right", va="center", **style)
     for c, name in enumerate(column_names):
         middle = (left + c * width + CELL_PX[0] / 2) / size[0]
-        bottom = (below - 8) / size[1]
-        figure.text(middle, bottom, name, ha="center", va="top", color=QUIET, fontsize=7.5)
-    headline(figure, title, subtitle)
+        figure.text(middle, below / 2 / size[1], name, ha="center", va="center", **style)
     return figure
 
 
 class _Unscaled(FigureImage):
-    """A picture whose pixels are those of the figure: it is not resampled."""
+    """A picture whose pixels are those of the figure, not resampled; its paper is transparent."""
 
     def __init__(self, figure: Figure, picture: Image, left_px: int, below_px: int) -> None:
         super().__init__(figure, offsetx=left_px, offsety=below_px)
-        opaque = np.full((*picture.shape[:2], 1), 255, dtype=np.uint8)
-        self._rows_upwards = np.concatenate([picture, opaque], axis=2)[::-1].copy()
+        shown = (picture != np.array(PAPER_RGB, np.uint8)).any(axis=2, keepdims=True)
+        rgba = np.concatenate([picture, np.where(shown, 255, 0).astype(np.uint8)], axis=2)
+        self._rows_upwards = rgba[::-1].copy()
         self.set_data(picture)
 
     def make_image(

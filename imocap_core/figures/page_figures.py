@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
-import cv2
 import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
@@ -16,8 +15,17 @@ from imocap_core.adapters.sync_maps import maps_of, nearest_by_affinity
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary, Table, Uncertainty
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.conventions import EVAL_12, EVAL_INDICES
-from imocap_core.figures.overlays import CELL_PX, Image
-from imocap_core.figures.style import ACCENT, DPI, INK, QUIET, color_of, grid, headline, new_figure
+from imocap_core.figures.overlays import Image, contact_sheet
+from imocap_core.figures.style import (
+    ACCENT,
+    INK,
+    QUIET,
+    grid,
+    headline,
+    new_figure,
+    rgb_of,
+    write_strip,
+)
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
 from imocap_core.technique import plain_angle, without_side
 
@@ -79,19 +87,17 @@ def cycle_frames(sync: Sync, trip: Sequence[str], starts: Sequence[int]) -> dict
     return shown
 
 
-_SHARE = 0.55  # of a contact sheet's cell
-_LEFT_PX, _TOP_PX, _BELOW_PX, _RIGHT_PX, _LINE_PX = 150, 62, 26, 430, 22
 _NEAR_FRAMES = 2  # trips that end this close to their start count as closed
 
 
-def cycle_figure(
+def cycle_figures(
     sync: Sync,
     trip: Sequence[str],
     starts: Sequence[int],
     cells: Mapping[str, Mapping[int, Image]],
     frames: Mapping[str, Int[np.ndarray, " _"]],
-) -> Figure:
-    """Frames of the first video of `trip`, their matches in the others and back, and the distance
+) -> tuple[Figure, Figure]:
+    """Frames of the first video of `trip`, their matches in the others and back; and the distance
     of every frame's end from its start, before and after cycle consistency.
 
     Args:
@@ -108,36 +114,16 @@ def cycle_figure(
     pictures.append([(trip[0], int(before[-1][s])) for s in starts])
     names = [f"{trip[0]}: start", *(f"to {i}" for i in trip[1:]), f"back in {trip[0]}"]
     names.append("back, by the\naffinities alone")
-    width, height = (round(_SHARE * side) for side in CELL_PX)
-    size = (
-        _LEFT_PX + len(starts) * (width + 6) + _RIGHT_PX,
-        _TOP_PX + len(pictures) * (height + _LINE_PX) + _BELOW_PX,
-    )
-    figure = new_figure(size[0] / DPI, size[1] / DPI, arranged=False)
+    rows = []
     for r, row in enumerate(pictures):
-        top = _TOP_PX + r * (height + _LINE_PX)
-        _text(figure, names[r], _LEFT_PX - 12, top + height / 2, size, INK, "right")
-        for c, (video, index) in enumerate(row):
-            left = _LEFT_PX + c * (width + 6)
-            small = cv2.resize(cells[video][index], (width, height), interpolation=cv2.INTER_AREA)
-            bottom = size[1] - top - height
-            figure.figimage(small, left, bottom, origin="upper")
-            caption, color = f"frame {frames[video][index]}", color_of(sync.ids, video)
-            if r >= len(trip):
-                off = index - int(starts[c])
-                caption = f"{frames[video][index]} ({format(off, '+d') if off else '0'})"
-                color = ACCENT if abs(off) > _NEAR_FRAMES else color
-            _text(figure, caption, left + width / 2, top + height + 10, size, color, "center")
-    plot = (size[0] - _RIGHT_PX + 90, 70, _RIGHT_PX - 110, size[1] - _TOP_PX - 100)
-    box = (plot[0] / size[0], plot[1] / size[1], plot[2] / size[0], plot[3] / size[1])
-    _returns(figure.add_axes(box), before, after, frames[trip[0]], trip)
-    there = ", on to ".join(trip[1:])
-    headline(
-        figure,
-        f"Round trip over {'two' if len(trip) == 2 else 'three'} videos",
-        f"each column: a frame of {trip[0]}, its match in {there}, and from there in {trip[0]}",
-    )
-    return figure
+        rows.append([cells[video][index].copy() for video, index in row])
+        for cell, start, (video, index) in zip(rows[-1], starts, row, strict=True):
+            off = "" if r < len(trip) else f"{index - int(start):+d}".replace("+0", "0")
+            write_strip(cell, f"frame {frames[video][index]}", off, rgb_of(sync.ids, video), 0.8)
+    sheet = contact_sheet(rows, names, [f"{frames[trip[0]][s]} and back" for s in starts])
+    figure = new_figure(11.0, 3.2)
+    _returns(figure.subplots(), before, after, frames[trip[0]], trip)
+    return sheet, figure
 
 
 def _returns(
@@ -157,20 +143,12 @@ def _returns(
         label = f"{name}: {closed:.0%} within {_NEAR_FRAMES}"
         ax.plot(frames, off, color=color, lw=1.4, label=label)
     ax.axhline(0, color=QUIET, lw=0.7)
-    ax.set_title("end minus start of each round trip")
     ax.set_xlabel(f"frame of {trip[0]}")
-    ax.set_ylabel("frames")
+    ax.set_ylabel("end minus start (frames)")
     low, high = np.quantile(np.concatenate([before[-1] - before[0], [-6, 6]]), [0.02, 0.98])
     ax.set_ylim(1.3 * min(low, -6), 1.6 * max(high, 6))
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     grid(ax)
-
-
-def _text(
-    figure: Figure, text: str, x: float, y: float, size: tuple[int, int], color: str, side: str
-) -> None:
-    """Text at pixels from the upper left corner."""
-    figure.text(x / size[0], 1 - y / size[1], text, color=color, ha=side, va="center", fontsize=7.5)
 
 
 _CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(

@@ -10,14 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
-from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
 from imocap_core.artifacts.schemas import Camera, VideoMotion
 from imocap_core.figures.style import (
     GRID,
-    QUIET,
     RESULT_COLORS,
     color_of,
     grid,
@@ -33,28 +29,20 @@ _SHOWN_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 def scene_figure(
     motions: Sequence[VideoMotion], cameras: Sequence[Camera], reference: str
 ) -> Figure:
-    """Cameras as frusta and root paths, pale at the start and dark at the end; and from above."""
-    figure = new_figure(11.4, 4.3)
-    places = figure.add_gridspec(1, 3, width_ratios=[1.3, 1, 1])
-    solid = figure.add_subplot(places[0], projection="3d")
-    assert isinstance(solid, Axes3D)
-    above, path = figure.add_subplot(places[1]), figure.add_subplot(places[2])
+    """Cameras and root paths from above, pale at the start and dark at the end."""
+    figure = new_figure(11.4, 4.6)
+    above, path = figure.subplots(1, 2)
     ids = [camera.id for camera in cameras]
-    everything = []
     for motion, camera in zip(motions, cameras, strict=True):
         color = color_of(ids, camera.id)
         root = (motion.joints[:, 0] - camera.t) @ camera.R  # world = R^T (x_cam - t)
         root = root[np.isfinite(root).all(axis=1)] @ _SHOWN_FROM_WORLD.T
-        corners = _frustum(camera)
         walk = (camera.path_m - camera.t) @ camera.R @ _SHOWN_FROM_WORLD.T
-        everything += [root, corners, walk]
-        _draw_solid(solid, corners, root, color, camera.id)
-        _draw_camera(above, corners, color, camera.id)
+        _draw_camera(above, _frustum(camera), color, camera.id)
         for ax in (above, path):
             _draw_path(ax, root, color)
         if len(walk):
             _draw_path(above, walk, color)
-    _frame(solid, np.concatenate(everything))
     for ax, title in ((above, "from above"), (path, "the root's path, from above")):
         ax.set_aspect("equal", adjustable="datalim")
         ax.set_xlabel("right (m)")
@@ -76,26 +64,6 @@ def _frustum(camera: Camera) -> Float[np.ndarray, "5 3"]:
     corners = [[sx * half[0], sy * half[1], 1.0] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     in_camera = _FRUSTUM_M * np.array([[0.0, 0, 0], *corners])
     return np.asarray((in_camera - camera.t) @ camera.R @ _SHOWN_FROM_WORLD.T)
-
-
-def _draw_solid(
-    ax: Axes3D,
-    corners: Float[np.ndarray, "5 3"],
-    root: Float[np.ndarray, "T 3"],
-    color: str,
-    name: str,
-) -> None:
-    edges = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1)]
-    ax.add_collection3d(
-        Line3DCollection([corners[list(e)] for e in edges], colors=color, linewidths=1.0)
-    )
-    behind = corners[0] - 0.9 * (corners[1:].mean(axis=0) - corners[0])
-    ax.text(*behind, name, color=color, fontsize=8, ha="center", va="center")
-    if len(root) > 1:
-        segments = np.stack([root[:-1], root[1:]], axis=1)
-        ax.add_collection3d(
-            Line3DCollection(list(segments), colors=_shades(color, len(segments)), linewidths=1.8)
-        )
 
 
 def _draw_camera(ax: Axes, corners: Float[np.ndarray, "5 3"], color: str, name: str) -> None:
@@ -137,24 +105,6 @@ def _shades(color: str, count: int) -> Float[np.ndarray, "count 3"]:
     full = np.array(to_rgb(color))
     share = np.linspace(0.25, 1.0, count)[:, None]
     return np.asarray((1 - share) + share * full)
-
-
-def _frame(ax: Axes3D, points: Float[np.ndarray, "N 3"]) -> None:
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, 0.56 * (high - low)
-    half = np.maximum(half, 0.2 * half.max())  # so that a flat scene has some height
-    for axis, c, h in zip((ax.xaxis, ax.yaxis, ax.zaxis), middle, half, strict=True):
-        axis.set_view_interval(c - h, c + h, ignore=True)
-        axis.set_major_locator(MaxNLocator(max(2, round(6 * h / half.max())), steps=[1, 2, 5, 10]))
-    ax.set_box_aspect(tuple(half), zoom=1.1)
-    ax.view_init(elev=22, azim=-62)
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.set_pane_color((1, 1, 1, 0))
-        axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axis.line.set_color(QUIET)
-    ax.tick_params(labelsize=6.5, pad=-2)
-    ax.set_xlabel("right (m)", labelpad=-5)
-    ax.set_ylabel("forward (m)", labelpad=-5)
 
 
 def joint_error_figure(

@@ -56,7 +56,7 @@ def surfaces(
     return np.asarray(posed_body(model, motion, list(frames)).mesh().vertices.numpy())
 
 
-_COLUMNS, _INK = 6, (92, 99, 108)
+_COLUMNS, _BLANK = 6, 92  # and the grey of a cell without a picture
 _GAP_FRAMES = 4.0
 """A moment of the reference further than this from every matched frame has no picture."""
 
@@ -85,16 +85,20 @@ def sheet_videos(
     keypoints: Keypoints,
     camera_motion: CameraMotion,
     initial: InitialSmpl,
-    refined: RefineSync,
+    refined: RefineSync | None,
     files: Mapping[str, Path | None],
     model: Model,
 ) -> list[SheetVideo]:
     """Each video with its monocular and its final motion, relative to the place of its camera.
 
-    files: video id -> its file.
+    refined: None before there is a final motion; the monocular is in its place. files: video id ->
+    its file.
     """
     alone = relative_motions(initial.videos, paths_of_initial(initial, camera_motion))
-    joint = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
+    joint, intrinsics = alone, [camera.K for camera in camera_motion.videos]
+    if refined is not None:
+        joint = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
+        intrinsics = [camera.K for camera in refined.motion.cameras]
     lenses = lenses_of(camera_motion, refined)
     return [
         SheetVideo(
@@ -104,16 +108,11 @@ def sheet_videos(
             layout_names=model.points(video.layout).names,
             monocular=first,
             final=last,
-            K=solved.K,
+            K=K,
             lens=lenses.get(video.id),
         )
-        for video, camera, first, last, solved in zip(
-            keypoints.videos,
-            camera_motion.videos,
-            alone,
-            joint,
-            refined.motion.cameras,
-            strict=True,
+        for video, camera, first, last, K in zip(
+            keypoints.videos, camera_motion.videos, alone, joint, intrinsics, strict=True
         )
     ]
 
@@ -141,39 +140,58 @@ def frames_of_moments(sync_map: SyncMap, moments: Real[np.ndarray, " N"]) -> lis
 
 
 def read_cells(
-    video: SheetVideo, frames: Sequence[int]
+    keypoints: VideoKeypoints, file: Path | None, frames: Sequence[int]
 ) -> tuple[dict[int, Image], dict[int, Window]]:
     """Crops of the person in some used frames (indices), blank without a video file; and where
     they were cut."""
-    keypoints = video.keypoints
     boxes = windows(keypoints.person_box_px[list(frames)], keypoints.size)
     cuts = dict(zip(frames, boxes, strict=True))
     cells = {t: blank_cell() for t in frames}
-    if video.file is not None:
+    if file is not None:
         source = {t: int(keypoints.frames[t]) for t in frames}
-        for number, picture in read_rgb_of(video.file, set(source.values())):
+        for number, picture in read_rgb_of(file, set(source.values())):
             for t in (t for t in frames if source[t] == number):
                 cells[t] = cuts[t].cut(picture)
     return cells, cuts
 
 
 def detected_cells(
-    video: SheetVideo,
+    keypoints: VideoKeypoints,
+    names: Sequence[str],
     frames: Sequence[int],
     cells: Mapping[int, Image],
     cuts: Mapping[int, Window],
 ) -> dict[int, Image]:
-    """The detections of each frame (index) over its cell."""
-    keypoints = video.keypoints
+    """The detections of each frame (index) over its cell; names: of the layout's keypoints."""
     return {
         t: draw_keypoints(
             cells[t],
             cuts[t].points(keypoints.xy_px[t]),
             keypoints.confidence[t],
-            video.layout_names,
+            names,
         )
         for t in frames
     }
+
+
+def body_cells(
+    video: SheetVideo,
+    motion: VideoMotion,
+    K: Float[np.ndarray, "3 3"],
+    model: Model,
+    frames: Sequence[int],
+    cells: Mapping[int, Image],
+    cuts: Mapping[int, Window],
+) -> tuple[list[Image], Float[np.ndarray, "F V 3"]]:
+    """A motion's body over the cells of some frames (indices), and its surfaces in their cameras'
+    axes. K: of the first frame."""
+    camera, chosen = video.camera, list(frames)
+    bodies = surfaces(model, motion, frames) @ camera.R_first_from_frame[chosen]  # R^T x
+    row = [
+        draw_body(cells[t], video.filmed(body, K_t), model.faces.numpy(), cuts[t].camera(K_t))
+        for t, body, K_t in zip(frames, bodies, lens_of(K, camera.zoom[chosen]), strict=True)
+    ]
+    return row, bodies
 
 
 def video_sheet(
@@ -186,20 +204,12 @@ def video_sheet(
     """Detections, monocular and final body over the frames, and both bodies from the side."""
     faces = model.faces.numpy()
     keypoints, camera = video.keypoints, video.camera
-    detected = list(detected_cells(video, frames, cells, cuts).values())
+    detected = list(detected_cells(keypoints, video.layout_names, frames, cells, cuts).values())
     rows = [detected]
     sides = []
     for motion, K in ((video.monocular, camera.K), (video.final, video.K)):
-        in_first = surfaces(model, motion, frames)
-        bodies = in_first @ camera.R_first_from_frame[list(frames)]  # R^T x: axes of frame t
-        rows.append(
-            [
-                draw_body(cells[t], video.filmed(body, K_t), faces, cuts[t].camera(K_t))
-                for t, body, K_t in zip(
-                    frames, bodies, lens_of(K, camera.zoom[list(frames)]), strict=True
-                )
-            ]
-        )
+        row, bodies = body_cells(video, motion, K, model, frames, cells, cuts)
+        rows.append(row)
         sides.append(from_the_side(bodies, faces))
     return contact_sheet(
         [*rows, *sides],
@@ -211,8 +221,6 @@ def video_sheet(
             "after loop,\nfrom the side",
         ],
         [f"frame {keypoints.frames[t]}" for t in frames],
-        keypoints.id,
-        "orange: the performer's left, blue: right; from the side: depth, which the picture hides",
     )
 
 
@@ -226,8 +234,8 @@ def moment_cells(
     row = []
     for t in frames:
         if t is None:
-            blank = blank_cell()
-            write(blank, "not in this clip", (CELL_PX[0] // 2, CELL_PX[1] // 2), 0.5, _INK, 0.5)
+            blank = np.full_like(blank_cell(), _BLANK)
+            write(blank, "not in this clip", (CELL_PX[0] // 2, CELL_PX[1] // 2), 0.5, before=0.5)
             row.append(blank)
             continue
         joints = video.final.joints[t] @ video.camera.R_first_from_frame[t]
@@ -277,13 +285,12 @@ def results_sheet(
     def rows(result: SheetResult) -> tuple[list[Image], list[Image]]:
         row, bodies = [], []
         for v, t in picks:
-            camera, video = videos[v].camera, videos[v].keypoints.id
-            in_first = surfaces(model, result.motions[v], [t])[0]
-            body = in_first @ camera.R_first_from_frame[t]  # R^T x: axes of frame t
-            K = lens_of(result.K[video], camera.zoom[t])
-            filmed, K_cell = videos[v].filmed(body, K), cuts[video][t].camera(K)
-            row.append(draw_body(cells[video][t], filmed, faces, K_cell))
-            bodies.append(body)
+            name, motion = videos[v].keypoints.id, result.motions[v]
+            over, posed = body_cells(
+                videos[v], motion, result.K[name], model, [t], cells[name], cuts[name]
+            )
+            row += over
+            bodies.append(posed[0])
         return row, from_the_side(np.stack(bodies), faces)
 
     over, side = zip(*thread_map(rows, results), strict=True)
@@ -291,16 +298,14 @@ def results_sheet(
         [*over, *side],
         [*(r.name for r in results), *(f"{r.name},\nfrom the side" for r in results)],
         [f"{videos[v].keypoints.id} frame {videos[v].keypoints.frames[t]}" for v, t in picks],
-        "The same frames under each result",
-        "frames in which the first and the last result differ most; "
-        "from the side: depth, which the picture hides",
     )
 
 
 _ARMS_DOWN_RAD = 1.1  # of the rest pose beside the phases
 CAPTION = (
     "The recovered body of {video} from its front, its right side and its back. The first "
-    "column is the same body at rest. The colours are the torso's segments: in an upright pose "
+    "column is the same body at rest. The colours are the torso's segments (blue: pelvis, yellow: "
+    "spine1, green: spine2, red: spine3, violet: collars): in an upright pose "
     "each band should be as wide as at rest. A band that is wider or that stands out is a "
     "ballooned chest, one that vanishes is a creased waist. The thin line is the ground."
 )
@@ -377,9 +382,6 @@ def body_sheet(
         [[blank_cell(), *(cells[t] for t in frames)], *views],
         ["picture", *VIEWS],
         ["at rest", *(f"frame {video.keypoints.frames[t]}" for t in frames)],
-        f"The recovered body of {motion.id}",
-        "blue: pelvis, yellow: spine1, green: spine2, red: spine3, violet: collars; "
-        "upright, the bands should be as wide as at rest",
     )
 
 

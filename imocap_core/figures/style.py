@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import UInt8
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from imocap_core.files import atomic_write
@@ -89,7 +90,7 @@ def new_figure(width_in: float, height_in: float, *, arranged: bool = True) -> F
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG or JPEG without metadata that differs between releases.
+    """Write a PNG, or a WebP whose ground is transparent, without metadata that differs.
 
     Axes and titles are laid out here, once: `savefig` would draw all of a figure for that alone.
     """
@@ -101,12 +102,18 @@ def save(figure: Figure, path: Path) -> None:
         if path.suffix == ".png":
             figure.savefig(draft, dpi=DPI, metadata={"Software": None})
         else:
-            figure.savefig(draft, dpi=DPI, pil_kwargs={"quality": 88})
+            figure.savefig(draft, dpi=DPI, transparent=True, pil_kwargs={"quality": 82})
 
 
 def color_of(ids: Sequence[str], video: str) -> str:
     """The colour of a video in all figures of a report."""
     return VIDEO_COLORS[list(ids).index(video) % len(VIDEO_COLORS)]
+
+
+def rgb_of(ids: Sequence[str], video: str) -> tuple[int, int, int]:
+    """The same, 0 to 255."""
+    r, g, b = (round(255 * c) for c in to_rgb(color_of(ids, video)))
+    return r, g, b
 
 
 def headline(figure: Figure, title: str, subtitle: str = "") -> None:

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure, SubFigure
-from scipy.ndimage import gaussian_filter1d
 from scipy.special import erfinv
 
 from imocap_core.adapters.sync_maps import affinity_between, maps_of
@@ -56,12 +55,12 @@ def affinity_figure(
     to = number[sync.reference]
     for row, name in enumerate(("affinity", f"relaxed ({sync.method})")):
         for column, video in enumerate(others):
-            ax, T = axes[row, column], sync.lengths[number[video]]
+            ax = axes[row, column]
             if row == 0:
                 block, _ = affinity_between(sync, video, sync.reference)
             else:
                 block = maps.block(number[video], to)
-            draw_affinity(ax, block.T, (-0.5, T - 0.5, -0.5, sync.lengths[to] - 0.5))
+            draw_affinity(ax, block.T)
             if row == 0:
                 _path(ax, sync, video, true_positions.get(video))
                 ax.set_title(video, color=color_of(sync.ids, video), fontweight="bold")
@@ -73,17 +72,13 @@ def affinity_figure(
     headline(
         figure,
         f"Similarity of the poses of each video and of {sync.reference}",
-        f"dark = similar; {legend}",
+        f"blue = similar; {legend}",
     )
     return figure
 
 
-def draw_affinity(
-    ax: Axes,
-    block: Float[np.ndarray, "rows columns"],
-    extent: tuple[float, float, float, float] | None = None,
-) -> None:
-    """A block of affinities, dark = similar, the brightest 2 % and the darkest 0.2 % clipped."""
+def draw_affinity(ax: Axes, block: Float[np.ndarray, "rows columns"]) -> None:
+    """A block of affinities, blue = similar, the brightest 2 % and the darkest 0.2 % clipped."""
     low, high = np.quantile(block, [0.02, 0.998])
     ax.imshow(
         block,
@@ -93,7 +88,6 @@ def draw_affinity(
         origin="lower",
         interpolation="nearest",
         aspect="auto",
-        extent=extent,
     )
     for spine in ax.spines.values():
         spine.set_visible(False)
@@ -217,8 +211,6 @@ _WIDTH_IN = 12.4  # 1612 pixels
 _COLUMNS = 4
 _MATRIX_IN = 2.9
 _CURVES_IN = 4.6
-_PACE_SMOOTH_S = 0.25
-_PACE_SHOWN = 4.0  # from a quarter to four times
 _WIDEST_BAND_S = 0.5
 
 
@@ -231,51 +223,31 @@ def sync_picture(keypoints: Keypoints, sync: Sync, *, reach_s: float) -> Figure:
     others = [i for i in sync.ids if i != sync.reference]
     rows = ceil(len(others) / _COLUMNS)
     figure = new_figure(_WIDTH_IN, 0.75 + _MATRIX_IN * rows + _CURVES_IN)
-    above, below = figure.subfigures(
-        2, 1, squeeze=False, height_ratios=[0.75 + _MATRIX_IN * rows, _CURVES_IN]
-    )[:, 0]
-    videos = {v.id: v for v in keypoints.videos}
-    _matrices(above, sync, videos, others)
-    left, right = below.subfigures(1, 2, squeeze=False, width_ratios=[1.0, 1.15])[0]
-    warps = left.subplots()
-    pace, sure = right.subplots(2, 1, sharex=True, height_ratios=[1.6, 1.0])
-    _warps(warps, keypoints, sync, reach_s)
-    _paces(pace, keypoints, sync)
-    _confidences(sure, videos, sync)
+    heights = [0.75 + _MATRIX_IN * rows, _CURVES_IN]
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
+    _matrices(above, sync, others)
+    _warps(below.subplots(), keypoints, sync, reach_s)
     headline(
         figure,
         f"{len(sync.ids)} videos on the time axis of {sync.reference}",
-        "above: pose affinity (dark = similar), red: the match; below: match, pace, confidence",
+        "above: pose affinity (blue = similar), red: the match; below: the match and its error",
     )
     return figure
 
 
-def _matrices(
-    place: Figure | SubFigure, sync: Sync, videos: dict[str, VideoKeypoints], others: list[str]
-) -> None:
+def _matrices(place: Figure | SubFigure, sync: Sync, others: list[str]) -> None:
     rows = ceil(len(others) / _COLUMNS)
     axes = place.subplots(rows, min(_COLUMNS, len(others)), squeeze=False)
-    reference = videos[sync.reference]
-    for number, ax in enumerate(axes.flat):
-        if number >= len(others):
-            ax.set_visible(False)
-            continue
-        video = videos[others[number]]
-        block = affinity_between(sync, video.id, reference.id)[0].T
-        frames, frames_there = (v.frames[0] + np.arange(len(v.frames)) for v in (video, reference))
-        across, up = ((f[0] - 0.5, f[-1] + 0.5) for f in (frames, frames_there))
-        draw_affinity(ax, block, (*across, *up))
-        matched = map_of(sync, video.id).reference_frame
-        there = seconds_at(matched, frames_there)
-        ax.plot(frames, there, color="white", lw=3.2, alpha=0.85)
-        ax.plot(frames, there, color=ACCENT, lw=1.5)
-        ax.set_title(
-            title_of(sync, video.id), color=color_of(sync.ids, video.id), fontweight="bold"
-        )
-        ax.set_xlabel(f"frame of {video.id}")
-        if number % _COLUMNS == 0:
-            ax.set_ylabel(f"frame of {reference.id}")
-        ax.spines[:].set_visible(False)
+    for ax, video in zip(axes.flat, others, strict=False):
+        draw_affinity(ax, affinity_between(sync, video, sync.reference)[0].T)
+        _path(ax, sync, video, None)
+        title = title_of(sync, video)
+        ax.set_title(title, color=color_of(sync.ids, video), fontweight="bold")
+        ax.set_xlabel(f"frame of {video} (used frames, from 0)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel(f"frame of {sync.reference}")
+    for ax in axes.flat[len(others) :]:
+        ax.set_visible(False)
 
 
 def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
@@ -288,7 +260,7 @@ def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
         sync_map = map_of(sync, row.video)
         color = color_of(sync.ids, row.video)
         here = _seconds(videos[row.video])
-        there = _seconds_there(sync_map, reference)
+        there = seconds_at(sync_map.reference_frame, _seconds(reference))
         band = uncertainty_s(sync_map.confidence, reach_s)
         label = title_of(sync, row.video)
         if row.matched > 0:
@@ -306,62 +278,6 @@ def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
     grid(ax)
 
 
-def _paces(ax: Axes, keypoints: Keypoints, sync: Sync) -> None:
-    videos = {v.id: v for v in keypoints.videos}
-    reference = videos[sync.reference]
-    shown = []
-    for video in keypoints.videos:
-        if video.id == sync.reference:
-            continue
-        there = _seconds_there(map_of(sync, video.id), reference)
-        pace = pace_of(there, _seconds(video), _PACE_SMOOTH_S * video.fps)
-        ax.plot(there, pace, color=color_of(sync.ids, video.id), lw=1.5)
-        shown.append(pace)
-    ax.axhline(1.0, color=QUIET, lw=1.0, ls=(0, (3, 3)))
-    ax.set_yscale("log")
-    low, high = _pace_limits(shown)
-    ax.set_ylim(low, high)
-    ticks = [t for t in (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0) if low <= t <= high]
-    ax.set_yticks(ticks, [f"{t:g}x" for t in ticks])
-    ax.set_yticks([], minor=True)
-    ax.set_ylabel("pace")
-    ax.set_title(f"Pace relative to {sync.reference} (above 1x: faster)")
-    grid(ax)
-
-
-def _pace_limits(paces: list[Float[np.ndarray, " _"]]) -> tuple[float, float]:
-    """A range that contains nearly all of the curves, and 1."""
-    every = np.concatenate([np.ones(1), *paces])
-    low, high = np.nanquantile(every, [0.02, 0.98])
-    return max(0.9 * min(low, 0.8), 1 / _PACE_SHOWN), min(1.1 * max(high, 1.25), _PACE_SHOWN)
-
-
-def _confidences(ax: Axes, videos: dict[str, VideoKeypoints], sync: Sync) -> None:
-    reference = videos[sync.reference]
-    for sync_map in sync.maps:
-        if sync_map.id != sync.reference:
-            there = _seconds_there(sync_map, reference)
-            ax.plot(there, sync_map.confidence, color=color_of(sync.ids, sync_map.id), lw=1.3)
-    ax.set_ylim(-0.03, 1.05)
-    ax.set_xlim(*_seconds(reference)[[0, -1]])
-    ax.set_ylabel("confidence")
-    ax.set_xlabel(f"time in {sync.reference} (s)")
-    grid(ax)
-
-
-def pace_of(
-    there_s: Float[np.ndarray, " T"], here_s: Float[np.ndarray, " T"], smooth_frames: float
-) -> Float[np.ndarray, " T"]:
-    """Seconds of the reference per second of the video, smoothed; NaN where unmatched."""
-    matched = np.isfinite(there_s)
-    pace = np.full(len(there_s), np.nan)
-    for run in np.split(np.arange(len(matched)), np.flatnonzero(np.diff(matched)) + 1):
-        if matched[run[0]] and len(run) > 2:
-            slope = np.gradient(there_s[run], here_s[run])
-            pace[run] = gaussian_filter1d(slope, smooth_frames, mode="nearest")
-    return pace
-
-
 def uncertainty_s(confidence: Float[np.ndarray, " T"], reach_s: float) -> Float[np.ndarray, " T"]:
     """Standard deviation of a normal error that is within reach_s with this probability, in
     seconds, at most _WIDEST_BAND_S."""
@@ -372,8 +288,3 @@ def uncertainty_s(confidence: Float[np.ndarray, " T"], reach_s: float) -> Float[
 def _seconds(video: VideoKeypoints) -> Float[np.ndarray, " T"]:
     """Time of each used frame since the first of them."""
     return np.asarray(np.arange(len(video.frames)) / video.fps)
-
-
-def _seconds_there(sync_map: SyncMap, reference: VideoKeypoints) -> Float[np.ndarray, " T"]:
-    """Time in the reference of each frame of a video, since the reference's first used frame."""
-    return seconds_at(sync_map.reference_frame, _seconds(reference))

@@ -129,15 +129,21 @@ def films(
     mesh: bool = True,
     motion: MotionKind = "final",
     opacity: float = 0.75,
+    span: tuple[float, float] | None = None,
     root: str | Path = ".",
     params: Params = None,
 ) -> tuple[list[Film], Path]:
-    """The films of an action, to be written by `write_films`, and the usual folder for them."""
+    """The films of an action, to be written by `write_films`, and the usual folder for them.
+
+    span: seconds of the common time, from and to: one film of all videos, of that part.
+    """
     from imocap_core.film import films_of
 
     sets = one_off(params)
     job = _job(action, root, sets)
-    made = films_of(_current(job, sets), kind, mesh=mesh, motion=motion, opacity=opacity)
+    made = films_of(
+        _current(job, sets), kind, mesh=mesh, motion=motion, opacity=opacity, span_s=span
+    )
     return made, job.store.folder / job.action.name / FILMS
 
 

@@ -32,7 +32,7 @@ from imocap_core.library.new_action import action_of_videos
 from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import repeated_files
-from imocap_core.pipeline.generation import LAST_RUN
+from imocap_core.pipeline.generation import AT_WORK, LAST_RUN
 from imocap_core.pipeline.runner import Display, Job, Outcome
 from imocap_core.process import CPU, check_device
 from imocap_core.version import __version__
@@ -114,6 +114,7 @@ def available_bytes() -> int | None:
 
 LARGE = ("initial_smpl", "sync", "smpl_ba", "refine_sync", "uncertainty")  # stages, in memory
 FORMAT = 1  # rises when a field changes its meaning or goes
+NOTE_EVERY_S = 1.0  # of what a stage is doing
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless", "av", "mcap", "pydantic")
 
 
@@ -175,17 +176,23 @@ def versions() -> dict[str, str]:
 
 
 class LoggedDisplay:
-    """A `Display` that also notes which stages have ended, and says when memory may not suffice."""
+    """A `Display` that also notes which stages have ended and, for who follows the run, what it is
+    doing; and says when memory may not suffice."""
 
     def __init__(self, display: Display, log: RunLog) -> None:
-        self._log, self._memory_known = log, False
-        self.progress, self.notice = display.progress, display.notice
-        self.made_demo, self.waiting = display.made_demo, display.waiting
-        self._started, self._finished = display.started, display.finished
+        self._log, self._memory_known, self._stage, self._noted = log, False, "", 0.0
+        self.notice, self.made_demo, self.waiting = (
+            display.notice,
+            display.made_demo,
+            display.waiting,
+        )
+        self._display = display
 
     def started(self, stage: str, why: list[str]) -> None:
         """A stage begins; before the first that needs much memory, what it is expected to need."""
-        self._started(stage, why)
+        self._display.started(stage, why)
+        self._stage, self._noted = stage, 0.0
+        self._note(0.0, "")
         stored = {outcome.stage: outcome.stored for outcome in self._log.outcomes}
         if self._memory_known or stage not in LARGE or "keypoints" not in stored:
             return
@@ -194,10 +201,22 @@ class LoggedDisplay:
             self._log.notes.append(sentence)
             self.notice(sentence)
 
+    def progress(self, share: float, what: str) -> None:
+        """The running stage has done this share of its work."""
+        self._display.progress(share, what)
+        if time.monotonic() - self._noted > NOTE_EVERY_S:
+            self._note(share, what)
+
+    def _note(self, share: float, what: str) -> None:
+        self._noted, job = time.monotonic(), self._log.job
+        with suppress(OSError):  # a store on a disk that can only be read
+            document = {"stage": self._stage, "share": share, "what": what}
+            write_whole(job.store.folder / job.action.name / AT_WORK, json.dumps(document))
+
     def finished(self, outcome: Outcome) -> None:
         """A stage has its artifact."""
         self._log.outcomes.append(outcome)
-        self._finished(outcome)
+        self._display.finished(outcome)
 
 
 @contextmanager
@@ -216,7 +235,9 @@ def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
         warnings.showwarning = show
         with suppress(OSError):  # a store on a disk that can only be read
             text = json.dumps(log.document(error), indent=1, ensure_ascii=False, default=str)
-            write_whole(job.store.folder / job.action.name / LAST_RUN, text + "\n")
+            folder = job.store.folder / job.action.name
+            write_whole(folder / LAST_RUN, text + "\n")
+            (folder / AT_WORK).unlink(missing_ok=True)
         save_memory(job.store.folder)
 
 

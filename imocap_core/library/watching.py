@@ -19,7 +19,7 @@ from imocap_core.library.new_action import (
 from imocap_core.library.result import Result, load
 from imocap_core.pipeline.action import DETECT, FILE_NAME, declared_path, read_action
 from imocap_core.pipeline.yaml_file import edited_text
-from imocap_core.report.changes import compared as compared
+from imocap_core.report.first_page import compared as compared
 
 POLL_S = 2.0
 Listing = list[tuple[Path, int, int]]

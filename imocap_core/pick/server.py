@@ -1,4 +1,4 @@
-"""The page's server: 127.0.0.1 only, for one user: who may ask, and the answers.
+"""The server of pages for one user, 127.0.0.1 only: who may ask, and the answers of `pick`'s.
 
 Who may ask the page's server: a browser on this machine that was given the address. The server
 listens on this machine only, but any page in a browser can send requests there, and any name can be
@@ -12,8 +12,8 @@ from __future__ import annotations
 import hmac
 import json
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -59,7 +59,7 @@ def refusal(environ: Environ, token: str, port: int) -> tuple[str, str] | None:
         return "403 Forbidden", "this server answers to 127.0.0.1 only"
     given = environ.get("PATH_INFO", "").lstrip("/").partition("/")[0]
     if not hmac.compare_digest(given.encode("utf-8", "replace"), token.encode()):
-        return "403 Forbidden", "use the whole address that imocap pick printed"
+        return "403 Forbidden", "use the whole address that imocap printed"
     if environ.get("HTTP_SEC_FETCH_SITE", "none") not in ("same-origin", "none"):
         return "403 Forbidden", "requests from other pages are refused"
     method = environ.get("REQUEST_METHOD")
@@ -83,15 +83,21 @@ def _refused_write(environ: Environ, host: str) -> tuple[str, str] | None:
     return None
 
 
-def guarded(application: Application, token: str, port: int, fault: Callable[[str], None]) -> Any:
+def guarded(
+    application: Application,
+    token: str,
+    port: int,
+    fault: Callable[[str], None],
+    headers: Mapping[str, str] = HEADERS,
+) -> Any:
     """The application behind these checks, below /TOKEN; no error's traceback leaves it.
 
-    fault: called with a sentence about a fault of the program.
+    fault: called with a sentence about a fault of the program. headers: of every answer.
     """
 
     def guard(environ: Environ, start: Start) -> Iterable[bytes]:
-        def start_safely(status: str, headers: list[tuple[str, str]], *rest: Any) -> Any:
-            return start(status, [*headers, *HEADERS.items()], *rest)
+        def start_safely(status: str, given: list[tuple[str, str]], *rest: Any) -> Any:
+            return start(status, [*given, *headers.items()], *rest)
 
         refused = refusal(environ, token, port)
         if refused is not None:
@@ -161,7 +167,7 @@ def routes(session: Session, end: Callable[[], None]) -> Bottle:
     page = page_files()
     app.route("/", "GET", lambda: _file(page, "index.html"))
     app.route("/page/<name>", "GET", lambda name: _file(page, name))
-    app.route("/state", "GET", lambda: _json(session.document()))
+    app.route("/state", "GET", lambda: json_response(session.document()))
     app.route("/people/<key>", "GET", lambda key: _people(session, key))
     app.route(
         "/pictures/<file:int>/<kind:re:thumb|large>/<number:int>.jpg",
@@ -172,7 +178,7 @@ def routes(session: Session, end: Callable[[], None]) -> Bottle:
     app.route("/step", "POST", lambda: _changed(session, lambda: _step(session)))
     app.route("/detect", "POST", lambda: _changed(session, lambda: _detect(session)))
     app.route("/done", "POST", lambda: _changed(session, lambda: _end(end)))
-    app.default_error_handler = lambda error: _error(error.status_code, "there is nothing here")
+    app.default_error_handler = nothing_here
     return app
 
 
@@ -188,25 +194,25 @@ def _type_of(name: str) -> str | None:
 
 def _file(page: dict[str, bytes], name: str) -> HTTPResponse:
     if name not in page:
-        return _error(404, "there is nothing here")
-    return _response(200, page[name], str(_type_of(name)))
+        return error_response(404, "there is nothing here")
+    return response(200, page[name], str(_type_of(name)))
 
 
 def _people(session: Session, key: str) -> HTTPResponse:
     outlines = session.tracks.get(key)
     if outlines is None:
-        return _error(404, "there is nothing here")
-    return _response(200, outlines, "application/json", "private, max-age=3600")
+        return error_response(404, "there is nothing here")
+    return response(200, outlines, "application/json", "private, max-age=3600")
 
 
 def _picture(session: Session, number: int, kind: str, frame: int) -> HTTPResponse:
     try:
         picture = session.media.picture(number, kind, frame)
     except ValueError as error:
-        return _error(422, str(error))
+        return error_response(422, str(error))
     if picture is None:
-        return _error(404, "there is nothing here")
-    return _response(200, picture, "image/jpeg", "private, max-age=3600")
+        return error_response(404, "there is nothing here")
+    return response(200, picture, "image/jpeg", "private, max-age=3600")
 
 
 def _edit(session: Session) -> None:
@@ -246,25 +252,35 @@ def _changed(session: Session, change: Callable[[], None]) -> HTTPResponse:
     try:
         change()
     except ChangedElsewhere as error:
-        return _error(409, str(error))
+        return error_response(409, str(error))
     except ValidationError as error:
-        return _error(422, explain_faults(error, "the request"))
+        return error_response(422, explain_faults(error, "the request"))
     except (ImocapError, ValueError, RecursionError) as error:
-        return _error(422, session.plain(str(error)))
+        return error_response(422, session.plain(str(error)))
     except OSError as error:
-        return _error(422, session.plain(f"action.yaml cannot be written: {system_fault(error)}"))
-    return _json(session.document())
+        return error_response(
+            422, session.plain(f"action.yaml cannot be written: {system_fault(error)}")
+        )
+    return json_response(session.document())
 
 
-def _json(document: dict[str, Any]) -> HTTPResponse:
-    return _response(200, json.dumps(document, allow_nan=False).encode(), "application/json")
+def nothing_here(error: Any) -> HTTPResponse:
+    """What Bottle's own errors become."""
+    return error_response(error.status_code, "there is nothing here")
 
 
-def _error(status: int, sentence: str) -> HTTPResponse:
-    return _response(status, json.dumps({"error": sentence}).encode(), "application/json")
+def json_response(document: dict[str, Any]) -> HTTPResponse:
+    """A document as the answer."""
+    return response(200, json.dumps(document, allow_nan=False).encode(), "application/json")
 
 
-def _response(status: int, body: bytes, kind: str, cache: str = "no-store") -> HTTPResponse:
+def error_response(status: int, sentence: str) -> HTTPResponse:
+    """A sentence on what went wrong."""
+    return response(status, json.dumps({"error": sentence}).encode(), "application/json")
+
+
+def response(status: int, body: bytes, kind: str, cache: str = "no-store") -> HTTPResponse:
+    """An answer of a content type."""
     return HTTPResponse(
         body,
         status,
@@ -312,29 +328,31 @@ class Served:
 
 @contextmanager
 def serving(
-    session: Session, port: int, fault: Callable[[str], None], remarks: list[str]
+    routes_of: Callable[[Callable[[], None]], Application],
+    port: int,
+    fault: Callable[[str], None],
+    remarks: Sequence[str] = (),
+    headers: Mapping[str, str] = HEADERS,
 ) -> Iterator[Served]:
-    """Serve the page of a session while the body runs.
+    """Serve a page while the body runs.
 
-    port: 0 for any that is free. fault: called with a sentence about a fault of the program.
-    WorkFailed when the port is taken.
+    routes_of: the application; it is given what to call when the user is done. port: 0 for any that
+    is free. fault, headers: as of `guarded`. WorkFailed when the port is taken.
     """
     token, done = secrets.token_urlsafe(TOKEN_BYTES), Event()
     try:
         server = _Server((HOST, port), _Handler)
     except (OSError, OverflowError) as error:
-        session.close()
         raise WorkFailed(f"cannot listen on {HOST}:{port}: {error}; leave out --port") from None
     bound = int(server.server_address[1])
-    server.set_app(guarded(routes(session, done.set), token, bound, fault))
+    server.set_app(guarded(routes_of(done.set), token, bound, fault, headers))
     thread = Thread(target=server.serve_forever, args=(0.1,), name="server", daemon=True)
     thread.start()
     try:
-        yield Served(f"http://{HOST}:{bound}/{token}/", done, remarks)
+        yield Served(f"http://{HOST}:{bound}/{token}/", done, [*remarks])
     finally:
         server.shutdown()
         server.server_close()
-        session.close()
 
 
 @plain_errors
@@ -358,5 +376,8 @@ def picking(
 ) -> Iterator[Served]:
     """Serve the page of an action while the body runs (arguments: `open_session`, `serving`)."""
     session, remarks = open_session(name, videos, root)
-    with serving(session, port, fault, remarks) as served:
+    with (
+        closing(session),
+        serving(lambda end: routes(session, end), port, fault, remarks) as served,
+    ):
         yield served

@@ -145,6 +145,7 @@ def _variant(job: Job, stale: list[Stale]) -> str:
 
 FILE = "timings.json"
 LAST_RUN = "run.json"  # the record of the action's last run (`library.running`)
+AT_WORK = "at_work.json"  # what a run is doing now, while it goes on
 
 
 def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:

@@ -8,12 +8,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from matplotlib.colors import to_rgb
 
 from imocap_core.artifacts.schemas import RefineSync
 from imocap_core.body import Model
 from imocap_core.diagnostics.findings import Verdict
-from imocap_core.figures.overlays import CELL_PX, Image
+from imocap_core.figures.overlays import CELL_PX, PAPER_RGB, Image
 from imocap_core.figures.sheets import (
     SheetVideo,
     moment_cells,
@@ -21,8 +20,8 @@ from imocap_core.figures.sheets import (
     upright_bodies,
     upright_world,
 )
-from imocap_core.figures.style import color_of
-from imocap_core.render import common_scale, draw_view
+from imocap_core.figures.style import rgb_of
+from imocap_core.render import common_scale, draw_view, view_rotation
 from imocap_core.report.first_page import SureDifference
 from imocap_core.report.page_files import COLOURS, badge
 
@@ -30,8 +29,8 @@ CARD = "card.html"
 _SHOWN = 3
 _REFERENCE_RGB = (168, 174, 181)
 _VIEWS = ("front", "side")
-_QUALITY, _SOLID = 85, 0.68  # of JPEG; of a ghost, the video's share
-_OF_PELVIS, _BARE = 0.5, 200  # weight of the skin about the pelvis; darker is a body
+_QUALITY, _SOLID = 85, 0.68  # of WebP; of a ghost, the video's share
+_OF_BONE = 0.5  # weight of the skin that a bone carries
 _STYLE = """
 body { max-width: 460px; margin: 0 auto; padding: .8rem; }
 h1 { font-size: 1.25rem; margin: 0 0 .3rem; } h2 { font-size: 1rem; margin: .9rem 0 .3rem; }
@@ -101,9 +100,11 @@ def _section(
     ]
     pictures = []
     for (v, t), name in zip(of, names, strict=True):
-        (cell,) = moment_cells(videos[v], [t], *read_cells(videos[v], [t]))
-        pictures.append(_figure(cell, f"{name}, frame {videos[v].keypoints.frames[t]}"))
-    ghost, view = _ghost(of, videos, refined, model)
+        video = videos[v]
+        cells, cuts = read_cells(video.keypoints, video.file, [t])
+        (cell,) = moment_cells(video, [t], cells, cuts)
+        pictures.append(_figure(cell, f"{name}, frame {video.keypoints.frames[t]}"))
+    ghost, view = _ghost(difference.angle, of, videos, refined, model)
     pictures.append(_figure(ghost, f"{names[0]} over {names[1]}, from the {view}"))
     link = f'<a href="viewer.html#t={difference.phase_s:.2f}">In 3D</a>'
     return (
@@ -113,41 +114,50 @@ def _section(
 
 
 def _ghost(
-    of: Sequence[tuple[int, int]], videos: Sequence[SheetVideo], refined: RefineSync, model: Model
+    angle: str,
+    of: Sequence[tuple[int, int]],
+    videos: Sequence[SheetVideo],
+    refined: RefineSync,
+    model: Model,
 ) -> tuple[Image, str]:
     """Two bodies, (video, index of a frame) each, one seen through the other, facing one way, their
-    pelvises above one place; from the side that tells them apart better."""
+    pelvises above one place; from where the limb of the angle differs most in the picture."""
     ground, cameras = upright_world(refined), refined.motion.cameras
-    of_pelvis = model.weights.numpy()[:, 0] > _OF_PELVIS
+    weights = model.weights.numpy()
     bodies, headings = [], []
     for v, t in of:
         posed, facing = upright_bodies(videos[v].final, cameras[v], ground, model, [t])
-        middle = posed[0][of_pelvis].mean(axis=0)
+        middle = posed[0][weights[:, 0] > _OF_BONE].mean(axis=0)
         bodies.append(posed[0] - [middle[0], posed[0][:, 1].min(), middle[2]])
         headings.append(facing[0])
+    joint = "_".join(angle.split("_")[:2])
+    bone = model.joint_names.index(joint) if joint in model.joint_names else slice(None)
+    limb = weights[:, bone].reshape(len(weights), -1).max(axis=1) > _OF_BONE
+
+    def apart(view: str) -> float:
+        R = [view_rotation(heading, view)[:2] for heading in headings]
+        return float(((bodies[0][limb] @ R[0].T - bodies[1][limb] @ R[1].T) ** 2).mean())
+
+    view = max(_VIEWS, key=apart)
     scale = 0.85 * common_scale(np.stack(bodies), np.stack(headings), CELL_PX)
     middle_m = np.array([0.0, max(float(b[:, 1].max()) for b in bodies) / 2, 0.0])
     faces = model.faces.numpy()
     ids = [video.keypoints.id for video in videos]
-    video_rgb = 255 * np.array(to_rgb(color_of(ids, ids[of[0][0]])))
-    colors = (video_rgb, np.array(_REFERENCE_RGB, float))
-    best, apart = (np.zeros((0, 0, 3), np.uint8), ""), -1.0
-    for view in _VIEWS:
-        first, second = (
-            draw_view(
-                body, faces, np.tile(rgb, (len(faces), 1)), heading, view, CELL_PX, scale, middle_m
-            ).astype(np.float64)
-            for body, heading, rgb in zip(bodies, headings, colors, strict=True)
-        )
-        differs = float(((first < _BARE).any(-1) != (second < _BARE).any(-1)).mean())
-        if differs > apart:
-            best, apart = ((_SOLID * first + (1 - _SOLID) * second).astype(np.uint8), view), differs
-    return best
+    colors = (np.array(rgb_of(ids, ids[of[0][0]]), float), np.array(_REFERENCE_RGB, float))
+    first, second = (
+        draw_view(
+            body, faces, np.tile(rgb, (len(faces), 1)), heading, view, CELL_PX, scale, middle_m
+        ).astype(np.float64)
+        for body, heading, rgb in zip(bodies, headings, colors, strict=True)
+    )
+    return (_SOLID * first + (1 - _SOLID) * second).astype(np.uint8), view
 
 
 def _figure(picture: Image, caption: str) -> str:
-    done, data = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    shown = (picture != np.array(PAPER_RGB, np.uint8)).any(axis=2, keepdims=True)
+    bgra = np.concatenate([picture[:, :, ::-1], np.where(shown, 255, 0).astype(np.uint8)], axis=2)
+    done, data = cv2.imencode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
     assert done
-    source = f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode('ascii')}"
+    source = f"data:image/webp;base64,{base64.b64encode(data.tobytes()).decode('ascii')}"
     text = html.escape(caption)
     return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +147,9 @@ def draw_plots(
         ]
 
 
+_VideoSheets = tuple[list[Image], list[tuple[Figure, str, str]]]  # figure, file, caption
+
+
 def draw_contact_sheets(
     folder: Path, videos: Sequence[SheetVideo], refined: RefineSync, model: Model
 ) -> list[Picture]:
@@ -169,31 +171,17 @@ def draw_contact_sheets(
     with quiet():
         items = list(zip(videos, sync.maps, refined.motion.cameras, strict=True))
         of_videos: list[_VideoSheets] = thread_map(drawn, items)
-        sheets = [_written(folder, *sheet) for video in of_videos for sheet in video.sheets]
+        sheets = [_written(folder, *sheet) for _, sheets_of in of_videos for sheet in sheets_of]
         figure = contact_sheet(
-            [video.moments for video in of_videos],
+            [cells_of for cells_of, _ in of_videos],
             [video.keypoints.id for video in videos],
             [f"{sync.reference} frame {reference.frames[t]}" for t in moments],
-            "The same moments in every video",
-            "each column shows matched frames with the skeleton of the final result",
         )
-        caption = "The same moments of the action in every video."
+        caption = "Matched frames with the recovered skeleton: orange the left, blue the right."
         if len(videos) == 1:
             caption = "Moments of the video, with the recovered skeleton."
-        first = _written(folder, figure, "moments.jpg", caption)
+        first = _written(folder, figure, "moments.webp", caption)
     return [first, *sheets]
-
-
-@dataclass(frozen=True)
-class _VideoSheets:
-    """What is drawn of one video.
-
-    Attributes:
-        moments: its pictures at the moments of the action; sheets: figures, files, captions.
-    """
-
-    moments: list[Image]
-    sheets: list[tuple[Figure, str, str]]
 
 
 def _video_sheets(
@@ -202,20 +190,25 @@ def _video_sheets(
     model: Model,
     of_body: tuple[Camera, GroundAlignment] | None,
 ) -> _VideoSheets:
-    """of_body: the video's camera and the ground, where its body gets a sheet."""
+    """The pictures at the moments of the action, and the sheets of one video.
+
+    of_body: the video's camera and the ground, where its body gets a sheet.
+    """
     name = video.keypoints.id
     frames = [int(t) for t in spread(len(video.keypoints.frames))]
-    cells, cuts = read_cells(video, sorted({*frames, *(t for t in moments if t is not None)}))
+    cells, cuts = read_cells(
+        video.keypoints, video.file, sorted({*frames, *(t for t in moments if t is not None)})
+    )
     figure = video_sheet(video, model, frames, cells, cuts)
-    caption = f"{name}: detections, monocular and final body."
-    sheets = [(figure, f"overlay_{name}.jpg", caption)]
+    caption = f"{name}: detections, monocular and final body, over the frame and from the side."
+    sheets = [(figure, f"overlay_{name}.webp", caption)]
     if of_body is not None:
         pictures = cells
         if video.file is None:
-            pictures = detected_cells(video, frames, cells, cuts)
+            pictures = detected_cells(video.keypoints, video.layout_names, frames, cells, cuts)
         figure = body_sheet(video, *of_body, model, frames, pictures)
-        sheets.append((figure, f"body_{name}.jpg", CAPTION.format(video=name)))
-    return _VideoSheets(moment_cells(video, moments, cells, cuts), sheets)
+        sheets.append((figure, f"body_{name}.webp", CAPTION.format(video=name)))
+    return moment_cells(video, moments, cells, cuts), sheets
 
 
 def _written(folder: Path, figure: Figure, name: str, caption: str) -> Picture:

@@ -79,7 +79,6 @@ def _right(numeric: bool) -> str:
 _STYLE = """
 @media (prefers-color-scheme: dark) {
   img.chart { filter: invert(.92) hue-rotate(180deg); }
-  img.photo { filter: brightness(.88); }
 }
 h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
 h2 {
@@ -151,7 +150,6 @@ dt:target { background: var(--target); }
 
 _MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
 _STAMP = "imocap-made-from"
-_DARK_MEANS = ("affinity.",)  # charts in which dark and light have a meaning: never reversed
 _COLUMNS = "Glossary of the columns"
 DETAILS = "Details of the verdict"
 _TECHNICAL = "Technical details"
@@ -188,30 +186,32 @@ def html_page(
         + f'<details id="technical"><summary>{_TECHNICAL}</summary>\n'
         + (f"<p>{html.escape(sources)}</p>\n" if sources else "")
         + f"<nav>{nav}</nav>\n{_details(verdict)}"
-        + "".join(_section(folder, part, glossary) for part in parts)
+        + "".join(_section(folder, part, glossary, _leading(contents)) for part in parts)
         + _glossary(glossary)
         + "</details></body></html>\n"
     )
 
 
+def _leading(contents: Contents) -> list[Picture | None]:
+    """The pictures of the first page: the same moments, and the body."""
+    beginnings = ("moments.", "body_")
+    return [next((p for p in contents.pictures if p.file.startswith(b)), None) for b in beginnings]
+
+
 def _first(folder: Path, contents: Contents, first: FirstPage | None) -> str:
-    """The same moments, the body, the key angles and the differences."""
-    pictures = {p.file.partition(".")[0].partition("_")[0]: p for p in contents.pictures[::-1]}
-    moments, body = (pictures.get(name) for name in ("moments", "body"))
-    text = f"<p>{html.escape(first.since)}</p>\n" if first is not None and first.since else ""
-    if moments is not None:
-        text += f"<h2>The same moments</h2>\n{_figure(folder, moments)}"
-    of_body = (
-        f"<section><h2>The body</h2>\n{_figure(folder, replace(body, caption=_BODY))}</section>"
-        if body
-        else ""
-    )
-    of_angles = ""
+    """The key angles and the differences, the same moments, the body."""
+    moments, body = _leading(contents)
+    parts = [] if first is None or not first.since else [f"<p>{html.escape(first.since)}</p>"]
     if first is not None:
         caption = "The angles that change most; the upright line is the moment of the table."
         chart = _figure(folder, Picture(ANGLES, caption))
-        of_angles = f"<section><h2>Key angles</h2>\n{_angles(first)}{chart}</section>"
-    return f'<div class="first">{text}<div class="pair">{of_angles}{of_body}</div></div>\n'
+        table = f"<section><h2>Key angles</h2>\n{_angles(first)}</section>"
+        parts.append(f'<div class="pair">{table}{chart}</div>')
+    if moments is not None:
+        parts.append(f"<h2>The same moments</h2>\n{_figure(folder, moments)}")
+    if body is not None:
+        parts.append(f"<h2>The body</h2>\n{_figure(folder, replace(body, caption=_BODY))}")
+    return f'<div class="first">{"".join(parts)}</div>\n'
 
 
 def _angles(first: FirstPage) -> str:
@@ -274,7 +274,10 @@ def _details(verdict: Verdict) -> str:
     return f"<h2>{DETAILS}</h2>\n<ul>{findings}</ul>\n" if findings else ""
 
 
-def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:
+def _section(
+    folder: Path, part: Section, glossary: dict[str, str], above: Sequence[Picture | None]
+) -> str:
+    """A section, without the pictures that are above it on the page."""
     sentences = "".join(f"<li>{html.escape(s)}</li>" for s in part.sentences)
     folded = "".join(
         f"<details><summary>{html.escape(p.caption)}</summary>{_figure(folder, p)}</details>\n"
@@ -288,7 +291,7 @@ def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:
         + (f"<p>{html.escape(part.lead)}</p>\n" if part.lead else "")
         + (f"<ul>{sentences}</ul>\n" if sentences else "")
         + "".join(html_table(t, glossary) for t in part.tables[:1])
-        + "".join(_figure(folder, p) for p in part.pictures)
+        + "".join(_figure(folder, p) for p in part.pictures if p not in above)
         + "".join(html_table(t, glossary) for t in part.tables[1:])
         + folded
     )
@@ -299,8 +302,7 @@ def _figure(folder: Path, picture: Picture) -> str:
     kind = _MIME.get(Path(picture.file).suffix, "application/octet-stream")
     source = f"data:{kind};base64,{data}"
     text = html.escape(picture.caption)
-    reversible = kind == _MIME[".png"] and not picture.file.startswith(_DARK_MEANS)
-    drawn = "chart" if reversible else "photo"
+    drawn = "chart" if kind == _MIME[".png"] else "photo"
     image = (
         f'<div class="wide" tabindex="0"><img class="{drawn}" src="{source}" alt="{text}"></div>'
     )

@@ -14,7 +14,7 @@ from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.files import is_as_made, record_made, write_whole
 
 PAGE, TEXT = "report.html", "report.md"
-_INDEX = "index.html"
+_INDEX, _VIEWER = "index.html", "3D viewer"
 LEVELS = {"good": "Good", "check": "Check", "doubt": "Doubtful"}
 _COMPARED = "where performances differ, in degrees"
 _LINKS = re.compile(r'<nav class="pages">.*?</nav>', re.DOTALL)
@@ -47,7 +47,8 @@ a:hover { text-decoration: underline; }
   background: var(--level); color: var(--paper); vertical-align: middle; margin-left: .5rem;
 }
 .pages { display: flex; flex-wrap: wrap; gap: .6rem; margin: 1rem 0; }
-.pages a { padding: .35rem .9rem; border: 1px solid var(--edge); border-radius: .5rem; }
+.pages :is(a, span) { padding: .35rem .9rem; border: 1px solid var(--edge); border-radius: .5rem; }
+.pages span { border-style: dashed; color: var(--quiet); }
 """
 """Shared by the report, the index, and whatever else is a page of text."""
 
@@ -83,7 +84,7 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
     ]
     return [
         page(
-            "3D viewer",
+            _VIEWER,
             "the bodies in motion beside the videos, from any side",
             "report/viewer.html",
             f"imocap view {action}",
@@ -97,7 +98,9 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
         *([card] if card.file else []),
         *(comparisons or [ActionPage("Comparison", _COMPARED, None, f"imocap compare {action}")]),
         page("Films", "every video with the body over it", "videos", f"imocap video {action}"),
-        ActionPage("Exports", "the motion for other programs", None, f"imocap export {action}"),
+        ActionPage(
+            "Exports", "the motion for other programs", None, f"imocap export {action} --out FOLDER"
+        ),
     ]
 
 
@@ -108,9 +111,12 @@ def _comparison(file: str) -> str:
 
 def links(folder: Path, action: str) -> str:
     """The report's links to the other pages of an action, as HTML."""
-    others = [(p.file, p.name) for p in pages_of(folder, action) if p.file != f"report/{PAGE}"]
     shown = "".join(
-        f'<a href="../{html.escape(file)}">{html.escape(name)}</a>' for file, name in others if file
+        f'<a href="../{html.escape(p.file)}">{html.escape(p.name)}</a>'
+        if p.file
+        else f"<span>{p.name}: <code>{html.escape(p.command)}</code></span>"
+        for p in pages_of(folder, action)
+        if (p.file and p.file != f"report/{PAGE}") or p.name == _VIEWER
     )
     below = '<a href="#technical">Technical details</a>'
     return f'<nav class="pages">{shown}<a href="../{_INDEX}">All pages</a>{below}</nav>'

@@ -21,7 +21,7 @@ from imocap_core.diagnostics.findings import FILE, verdict_text
 from imocap_core.figures.overlays import Image, Window
 from imocap_core.figures.page_figures import (
     chosen_trip,
-    cycle_figure,
+    cycle_figures,
     cycle_frames,
     cycle_starts,
     uncertainty_figure,
@@ -40,8 +40,7 @@ from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.card import CARD, card_page
-from imocap_core.report.changes import last_result
-from imocap_core.report.first_page import ANGLES, first_page
+from imocap_core.report.first_page import ANGLES, first_page, last_result
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_files import PAGE, TEXT, links
 from imocap_core.report.sections import sections
@@ -53,7 +52,11 @@ from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.workers import thread_map
 from imocap_core.workspace import video_files
 
-_CYCLE, _RESULTS, _UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
+_TRIP = (
+    Picture("cycle.webp", "Matches of frames from video to video and back."),
+    Picture("cycle.png", "How many frames after its start each round trip ends."),
+)
+_RESULTS, _UNCERTAINTY = "results.webp", "uncertainty.png"
 
 
 def draw_page_figures(
@@ -83,32 +86,28 @@ def draw_page_figures(
     read = [(video, frames) for video, frames in zip(videos, shown, strict=True) if frames]
     cells: dict[str, dict[int, Image]] = {}
     cuts: dict[str, dict[int, Window]] = {}
-    of_videos = thread_map(lambda item: read_cells(*item), read)
+    of_videos = thread_map(lambda item: read_cells(item[0].keypoints, item[0].file, item[1]), read)
     for (video, _), (cells_of, cuts_of) in zip(read, of_videos, strict=True):
         cells[video.keypoints.id], cuts[video.keypoints.id] = cells_of, cuts_of
     drawn = []
     with quiet():
         if len(trip) > 1:
-            posed = {
-                name: _with_skeletons(video, sorted(of_trip[name]), cells[name], cuts[name])
-                for video in videos
-                if (name := video.keypoints.id) in of_trip
-            }
+            posed: dict[str, dict[int, Image]] = {}
+            for video in (v for v in videos if v.keypoints.id in of_trip):
+                name, of = video.keypoints.id, sorted(of_trip[video.keypoints.id])
+                drawn_over = moment_cells(video, of, cells[name], cuts[name])
+                posed[name] = dict(zip(of, drawn_over, strict=True))
             frames = {v.id: v.frames for v in keypoints.videos}
-            save(cycle_figure(sync, trip, starts, posed, frames), folder / _CYCLE)
-            drawn.append(Picture(_CYCLE, "Matches of frames from video to video and back."))
+            figures = cycle_figures(sync, trip, starts, posed, frames)
+            for figure, picture in zip(figures, _TRIP, strict=True):
+                save(figure, folder / picture.file)
+                drawn.append(picture)
         save(results_sheet(videos, results, picks, cells, cuts, model), folder / _RESULTS)
-        caption = "The recovered body under each result, over the frame and from the side."
+        caption = "Where the results differ most: the body over the frame, and from the side."
         drawn.append(Picture(_RESULTS, caption))
         save(uncertainty_figure(claimed, keypoints, sync, by_joint), folder / _UNCERTAINTY)
         drawn.append(Picture(_UNCERTAINTY, "Uncertainty of each joint, overall and over time."))
     return drawn
-
-
-def _with_skeletons(
-    video: SheetVideo, frames: Sequence[int], cells: dict[int, Image], cuts: dict[int, Window]
-) -> dict[int, Image]:
-    return dict(zip(frames, moment_cells(video, frames, cells, cuts), strict=True))
 
 
 def write_page(

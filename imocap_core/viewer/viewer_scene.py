@@ -46,6 +46,7 @@ from imocap_core.viewer.html import (
     shape_entry,
 )
 from imocap_core.viewer.viewer_video import (
+    MOST_PICTURES,
     camera_entry,
     detected_entry,
     identity_entry,
@@ -74,6 +75,7 @@ def contact_spans(
 
 _LEGEND = "grid 0.5 m · paths start pale · "
 _ASIDE_RAD = 0.45  # the view opens from this far beside the reference camera
+_OF_DRAFT = 200  # pictures of a page before the run's end
 _SHARED_S = 0.25  # to either side of the moment, of a page of one moment
 _ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 
@@ -101,6 +103,7 @@ def scene(
     block: Block,
     progress: Callable[[float, str], None] = lambda share, what: None,
     moment_s: float | None = None,
+    pictures_at_most: int = MOST_PICTURES,
 ) -> dict[str, Any]:
     """The header; arrays go into `block`.
 
@@ -108,6 +111,7 @@ def scene(
         result: as it was read, in the reference camera's axes.
         model: the body, with fingers (52 joints) when the result has hands.
         moment_s: of the common time; only `_SHARED_S` to either side of it is shown.
+        pictures_at_most: of all videos together; of longer ones one of several frames.
 
     ValueError when a file is no readable video, WorkFailed when an artifact is missing.
     """
@@ -119,8 +123,8 @@ def scene(
     fingers = len(model.parents) > len(SMPL_JOINTS)
     detected = keypoints.videos
     windows = windows_of([_straight_boxes(v) for v in result], [v.size for v in detected])
-    every = stride([len(video) for video in result if video.video is not None])
-    videos, finals = [], []
+    filmed = [len(video) for video in result if video.video is not None]
+    every, videos, finals = stride(filmed, pictures_at_most), [], []
     for i, (video, window) in enumerate(zip(level, windows, strict=True)):
         progress(i / len(level), video.id)
         motions = {
@@ -308,6 +312,16 @@ def write_viewer(
     except OSError as error:
         raise WorkFailed(f"cannot write {out}: {error.strerror}") from None
     return True
+
+
+def unfinished_viewer(result: ActionResult) -> str:
+    """The page of a motion before the run's end, as text.
+
+    WorkFailed names the artifact that is missing or unreadable.
+    """
+    block, hands = Block(), any(video.hands is not None for video in result)
+    model = body_model_of(result.videos[0], hands)
+    return viewer.page(scene(result, model, block, pictures_at_most=_OF_DRAFT), block, "")
 
 
 def _stamp(result: ActionResult, moment_s: float | None) -> str:

@@ -26,10 +26,10 @@ LONGEST_PX = 448
 _CRF, _KEY_EVERY = 36, 16  # VP9's quality; a seek decodes so many pictures at most
 _MARGIN = 0.22  # beside the performer's outermost positions, share of their span
 _ASPECTS = (0.75, 1.6)  # width / height of the part that is shown, where the picture allows
-_MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
+MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
 
 
-def stride(lengths: list[int], most: int = _MOST_PICTURES) -> int:
+def stride(lengths: list[int], most: int = MOST_PICTURES) -> int:
     """One of how many frames is shown, so that no more than about `most` are."""
     return max(1, -(-sum(lengths) // most))
 

@@ -73,7 +73,7 @@ def test_what_is_written(made: Made) -> None:
     files = write_technique(made.out, found)
     assert [f.name for f in files] == [
         *("report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh"),
-        *("mean.png", "deviation.png", "modes.png", "timing.png"),
+        *("deviation.png", "timing.png"),
     ]
     assert all(f.stat().st_size > 50 for f in files)
     report = files[0].read_text()

@@ -205,7 +205,7 @@ def test_one_video_alone_has_poses_and_no_synchronisation(tmp_path: Path) -> Non
     assert _values(result, "after loop", "mpjpe_mm")["v1"] is not None
     assert not any(t.name == "sync" for t in result.tables)
     assert "warp.png" not in result.files
-    assert "moments.jpg" in result.files
+    assert "moments.webp" in result.files
 
 
 def test_claims_are_held_against_the_errors(scored: Evaluate, folder: Path) -> None:
@@ -227,7 +227,7 @@ def test_report_is_whole_and_repeats_itself(made, scored, folder, tmp_path):
     first, report = evaluate(tmp_path, made, truth=True, figures=True), tmp_path / "r"
     assert sorted(p.name for p in report.iterdir()) == first.files
     pictures = {picture.file for picture in read_contents(report).pictures}
-    for name in ("warp.png", "affinity.png", "scene.png", "overlay_v2.jpg", "body_v1.jpg"):
+    for name in ("warp.png", "affinity.png", "scene.png", "overlay_v2.webp", "body_v1.webp"):
         assert name in first.files
         assert name in pictures
         assert (report / name).stat().st_size > 5000

@@ -173,9 +173,6 @@ def test_the_reference_and_the_video_that_fits_worst_have_a_sheet() -> None:
     excluded = made.refined.rounds[1].sync.model_copy(update={"excluded": ["v2"]})
     refined = made.refined.model_copy(update={"sync": excluded})
     assert sheet_ids(refined, videos) == ["v1", "v3"]
-
-
-def test_one_video_alone_has_one_sheet() -> None:
     made = Made(count=1)
     assert sheet_ids(made.refined, _videos(made)) == ["v1"]
 

@@ -9,7 +9,7 @@ import pytest
 from imocap_core.figures.overlays import CELL_PX
 from imocap_core.figures.page_figures import (
     chosen_trip,
-    cycle_figure,
+    cycle_figures,
     cycle_frames,
     cycle_starts,
     round_trip,
@@ -88,8 +88,8 @@ def test_the_figure_shows_what_it_asked_for(made: Made) -> None:
     cells = {video: dict.fromkeys(indices, cell) for video, indices in wanted.items()}
     frames = dict(zip(made.ids, made.frames, strict=True))
     with quiet():
-        figure = cycle_figure(sync, trip, starts, cells, frames)
-    assert len(figure.images) == 5 * len(starts)
-    texts = [text.get_text() for text in figure.texts]
-    assert f"frame {starts[0]}" in texts
-    assert f"{starts[0]} (0)" in texts
+        sheet, figure = cycle_figures(sync, trip, starts, cells, frames)
+    assert [len(line.get_xdata()) for line in figure.axes[0].lines[:2]] == [len(made.frames[0])] * 2
+    texts = [text.get_text() for text in sheet.texts]
+    assert f"{starts[0]} and back" in texts
+    assert "back in v1" in texts

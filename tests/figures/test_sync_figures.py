@@ -9,7 +9,7 @@ from scipy.stats import norm
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncTrust
 from imocap_core.artifacts.schemas.sync_schemas import VideoTrust
 from imocap_core.figures.style import DIMMED, quiet, save
-from imocap_core.figures.sync_figures import pace_of, sync_picture, uncertainty_s
+from imocap_core.figures.sync_figures import sync_picture, uncertainty_s
 from imocap_core.figures.sync_summary import common_moments, retimed, sync_rows, title_of
 from imocap_core.film import (
     HEAD_PX,
@@ -18,7 +18,6 @@ from imocap_core.film import (
     crop_windows,
     framed,
     grid_shape,
-    lock_step,
     phase_bar,
     side_by_side,
     synced_videos,
@@ -92,28 +91,14 @@ def test_the_band_holds_what_the_confidence_says() -> None:
     assert np.isfinite(uncertainty_s(np.array([0.0, 1.0, np.nan]), 0.1)).all()
 
 
-def test_pace_of_a_line_is_its_slope_and_gaps_stay_gaps() -> None:
-    here = np.arange(30) / 30.0
-    there = 0.5 * here + 3
-    there[12:15] = np.nan
-    pace = pace_of(there, here, 3.0)
-    np.testing.assert_allclose(pace[np.isfinite(there)], 0.5)
-    assert np.isnan(pace[12:15]).all()
-
-
 @pytest.mark.parametrize("lost", ["v2", "v3", None])
 def test_the_picture_is_wide_and_has_every_video(made, lost, tmp_path):
     sync = made.sync if lost is None else _without(made.sync, lost)
     with quiet():
         figure = sync_picture(made.keypoints, sync, reach_s=0.1)
         save(figure, tmp_path / "sync.png")
-    titles = {ax.get_title() for part in figure.subfigs for ax in part.axes}
-    titles |= {
-        ax.get_title(loc)
-        for part in figure.subfigs
-        for ax in part.axes
-        for loc in ("left", "center")
-    }
+    axes = [ax for part in figure.subfigs for ax in part.axes]
+    titles = {ax.get_title(loc) for ax in axes for loc in ("left", "center")}
     assert {
         "v2" if lost != "v2" else "v2 (unmatched)",
         "v3" if lost != "v3" else "v3 (unmatched)",
@@ -249,14 +234,3 @@ def test_the_line_moves_along_and_the_film_keeps_its_pictures(made: Made) -> Non
     assert (np.diff(columns) > 10).all()
     with pytest.raises(ValueError, match="expected one a frame of the film, got 15"):
         list(framed(film, tracks, np.arange(15) / FPS, "waving"))
-
-
-def test_a_thinned_film_shows_every_third_moment(made: Made) -> None:
-    files = dict.fromkeys(made.ids)
-    whole = list(lock_step(made.keypoints, made.refined.sync, files, "waving"))
-    third = list(lock_step(made.keypoints, made.refined.sync, files, "waving", every=3))
-    assert len(whole) == 16
-    assert len(third) == 6
-    for picture, other in zip(third, whole[::3], strict=True):
-        tiles = slice(HEAD_PX, -80)
-        np.testing.assert_array_equal(picture[tiles], other[tiles])

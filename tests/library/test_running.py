@@ -21,7 +21,7 @@ from imocap_core.library.api_errors import one_off
 from imocap_core.library.run_document import run_document
 from imocap_core.library.running import run_action
 from imocap_core.pipeline.action import read_action
-from imocap_core.report.changes import compared, expected_error_mm, moved_mm
+from imocap_core.report.first_page import compared, expected_error_mm, moved_mm
 from tests.io.made_videos import write_video
 from tests.library.conftest import SmallRun
 

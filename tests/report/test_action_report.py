@@ -34,7 +34,7 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     for part in ("Summary", "Synchronisation", "Time for each stage", "mpjpe_mm"):
         assert part in text
     folder = page.parent
-    for name in ("cycle.jpg", "results.jpg", "uncertainty.png", "report.md"):
+    for name in ("cycle.webp", "results.webp", "uncertainty.png", "report.md"):
         assert (folder / name).stat().st_size > 500
     first = page.stat().st_mtime_ns
     assert finish(job, _outcomes(job)) == page

@@ -46,13 +46,13 @@ def _table(name: str, *columns: str) -> Table:
 
 
 def _page(tmp_path: Path) -> tuple[str, str]:
-    for name in ("moments.jpg", "cycle.jpg", "overlay_v1.jpg", "new.png", "angles.png"):
+    for name in ("moments.webp", "cycle.webp", "overlay_v1.webp", "new.png", "angles.png"):
         (tmp_path / name).write_bytes(name.encode())
-    contents = Contents("waving <b>", (Picture("moments.jpg", "The same moments."),))
+    contents = Contents("waving <b>", (Picture("moments.webp", "The same moments."),))
     pictures = [
         *contents.pictures,
-        Picture("overlay_v1.jpg", "v1 over its frames."),
-        Picture("cycle.jpg", "Round and back."),
+        Picture("overlay_v1.webp", "v1 over its frames."),
+        Picture("cycle.webp", "Round and back."),
         Picture("new.png", "Nobody planned this."),
     ]
     tables = [
@@ -70,7 +70,7 @@ def _page(tmp_path: Path) -> tuple[str, str]:
 def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> None:
     page, _ = _page(tmp_path)
     sources = re.findall(r'src="([^"]*)"', page)
-    assert len(sources) == 6  # the same moments twice: on the first page and below
+    assert len(sources) == 5  # each once, the same moments on the first page
     assert all(source.startswith("data:image/") for source in sources)
     assert re.findall(r'href="(?!#)([^"]*)"', page) == ["../report/viewer.html"]
     assert "waving &lt;b&gt;" in page
@@ -95,7 +95,7 @@ def test_nothing_is_lost_and_the_unplanned_comes_last(tmp_path: Path) -> None:
         assert part in text
     assert "About metrics" not in page  # for programs
     assert page.index("About extra") > page.index("About trust")
-    assert "![Round and back.](cycle.jpg)" in text
+    assert "![Round and back.](cycle.webp)" in text
     assert text.index("## Synchronisation") > text.index("## Summary")
     folded = re.findall(r"<summary>(.*?)</summary>", page)
     assert folded == ["Technical details", "About trust", "v1 over its frames."]

@@ -21,7 +21,7 @@ function start() {
     waiting ||= requestAnimationFrame(draw);
   };
   const act = makeActions(page, redraw), state = act.state, player = new Player(act);
-  Object.assign(state, { cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name });
+  Object.assign(state, { lead: 0, faint: GHOST, cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name });
   state.on = page.videos.map((_, i) => i < MOST);
   const detail = new Detail(redraw), orbit = new Orbit($("stage"), redraw);
   const scene = new Scene($("stage"), page, !detail.software), labels = new Labels($("labels"), page);
@@ -38,7 +38,7 @@ function start() {
   act.angle = then((name) => { state.angle = name; });
   act.fit = (_, frontal = false) => {
     orbit.field = state.apart ? NARROW_RAD : WIDE_RAD;
-    if (frontal) orbit.azimuth = 0;
+    if (frontal) orbit.azimuth = Math.atan2(-state.right[2], state.right[0]);
     const on = page.videos.map((_, i) => i).filter((i) => state.on[i]);
     const points = on.flatMap((i) => reachOf(page, i).map((p) => add(p, state.offsets[i])));
     orbit.fit(points.length ? points : [[-1, 0, 0], [1, 2, 0]], $("stage").clientWidth, $("stage").clientHeight);
@@ -54,7 +54,7 @@ function start() {
   });
 
   const places = group($("tools"), [
-    ["in one place", "One over the other (o)", () => act.place("all")],
+    ["in one place", "One among the others' ghosts; again for the next (o)", () => act.place("one")],
     ["side by side", "Performers set apart (o)", () => act.place("apart")],
   ]);
   const others = group($("tools"), [
@@ -153,7 +153,7 @@ function start() {
   $("curves").addEventListener("pointerdown", (e) => { $("curves").setPointerCapture(e.pointerId); to(e); });
   $("curves").addEventListener("pointermove", (e) => e.buttons && to(e));
   listenToKeys({
-    ...transportKeys(act), o: () => act.place(state.apart ? "all" : "apart"), b: () => act.flip("skeletons"),
+    ...transportKeys(act), o: () => act.place(state.apart ? "one" : "apart"), b: () => act.flip("skeletons"),
     f: () => { act.fit(); redraw(); }, p: () => act.snapshot(), Escape: () => act.measure(null),
   }, page.videos.length, act);
   const goTo = (given) => { choose(given, act, orbit); act.go(given); };
@@ -161,7 +161,11 @@ function start() {
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
   act.seek(page.findings.find((finding) => finding.angle)?.at ?? state.phase);
-  act.place(page.videos.length > 1 ? "apart" : "all");
+  // Who lies or reaches forward is seen from the side; a row that would be tiny, in one place.
+  const body = page.videos[0].answers.final, at = momentsAt(page, state.phase)[0]?.at ?? 0;
+  const joints = pose(page.model, page.shapes[0], body, at).joints, along = (k) => Math.max(...joints.map((p) => p[k])) - Math.min(...joints.map((p) => p[k]));
+  if (along(2) > along(0)) act.row([0, 0, -1]);
+  act.place(1.4 * $("stage").clientWidth / $("stage").clientHeight > 0.42 * page.videos.length ? "apart" : "one");
   goTo(momentOf(location.hash));
   dress();
   const where = (body, joint) => {

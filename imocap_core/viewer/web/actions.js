@@ -9,7 +9,7 @@ function makeActions(page, redraw) {
     phase: page.timeline.shared, playing: false, speed: 1, on: page.videos.map(() => true),
     answer: "final", together: 1, place: "all", apart: false, lead: Math.max(0, page.videos.findIndex((v) => v.id === page.reference)),
     cameras: true, paths: true, follow: false, through: -1, help: false, chosen: [],
-    skeletons: false, uncertainty: false, loop: [], right: page.right,
+    skeletons: false, uncertainty: false, halo: false, loop: [], right: page.right,
     curves: { joints: [], quantity: "height" },
     marks: { detected: false, skeleton: true }, offsets: page.videos.map(() => [0, 0, 0]),
   };

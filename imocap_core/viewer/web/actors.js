@@ -10,18 +10,35 @@ function momentsAt(page, phase) {
 
 const SURE_TO_MM = 100; // the last colour of uncertainty
 const UNKNOWN_MM = 65535, GREY = [0.55, 0.55, 0.55]; // a deviation that is not known, and its colour
+const WIDEST_M = 0.3; // of a halo
 const SKIN_M = 0.14;
 const BODY_JOINTS = 22; // those that SMPL and SMPL+H share
 
-// A colour for every joint by its standard deviation; fingers have their wrist's. null: unknown.
+// The joint of the body that a joint's uncertainty is read at: fingers have their wrist's.
+const ofBody = (model, j) => (j < BODY_JOINTS ? j : ofBody(model, model.parents[j]));
+
+// A colour for every joint by its standard deviation. null: unknown.
 function tintsOf(model, video, frame) {
   if (!video.sigma) return null;
-  const own = (j) => (j < BODY_JOINTS ? j : own(model.parents[j]));
   return model.parents.map((_, j) => {
-    const mm = video.sigma[24 * frame + own(j)];
+    const mm = video.sigma[24 * frame + ofBody(model, j)];
     return mm === UNKNOWN_MM ? GREY : uncertaintyColor(mm / SURE_TO_MM);
   });
 }
+
+// Metres from each joint that is drawn to where it is expected to be, root mean square, counted from the
+// pelvis: by the final motion and its standard deviation.
+function expectedErrors(model, video, frame, drawn, final) {
+  const from = (joints, j) => sub(joints[j], joints[0]);
+  return model.parents.map((_, k) => {
+    const j = ofBody(model, k), mm = video.sigma ? video.sigma[24 * frame + j] : 0;
+    const far = Math.hypot(...sub(from(drawn, j), from(final, j)));
+    return Math.min(Math.hypot(far, mm === UNKNOWN_MM ? WIDEST_M : mm / 1000), WIDEST_M);
+  });
+}
+
+// How much of the halo is to be seen: all where it is switched on, else less with every video that helps.
+const haloShare = (state) => (state.halo ? 1 : state.answer === "both" ? 0 : 1 - state.together);
 
 // Places that a performer reaches: the joints in some frames, and as far around them as skin is.
 function reachOf(page, i) {
@@ -58,16 +75,21 @@ function actorsAt(page, meshes, state, now) {
       const answer = video.answers[name], shape = page.shapes[answer.shape];
       const own = rgb(video.color), between = state.answer !== "both" && state.together > 0 && state.together < 1;
       const plain = state.answer === "both" && name === "initial", ghost = plain || !now[i].inside;
+      const posed = between ? pose(page.model, shape, blended(video, now[i].at, state.together), 0) : pose(page.model, shape, answer, now[i].at);
+      const halo = plain || faint(state, i) || !now[i].inside ? 0 : haloShare(state);
       actors.push({
-        ...(between ? pose(page.model, shape, blended(video, now[i].at, state.together), 0) : pose(page.model, shape, answer, now[i].at)), mesh: meshes[answer.shape], video: i,
+        ...posed, mesh: meshes[answer.shape], video: i,
+        halo: halo > 0 ? { alpha: halo, sizes: expectedErrors(page.model, video, Math.round(now[i].at), posed.joints, finalAt(page, video, now[i].at)) } : null,
         color: plain ? mix(own, [0.45, 0.45, 0.45], 0.75) : own, offset: state.through < 0 ? state.offsets[i] : [0, 0, 0],
         tints: state.uncertainty && name === "final" ? tintsOf(page.model, video, Math.round(now[i].at)) : null,
-        alpha: faint(state, i) ? FAINT : ghost ? GHOST : state.through >= 0 ? 0.82 : 1,
+        alpha: faint(state, i) ? state.faint ?? FAINT : ghost ? GHOST : state.through >= 0 ? 0.82 : 1,
       });
     }
   });
   return actors;
 }
+
+const finalAt = (page, { answers: { final } }, at) => pose(page.model, page.shapes[final.shape], final, at).joints;
 
 // Where a performer's front and left are at a moment, level: unit vectors {front, left}.
 function facingOf(model, joints) {

@@ -1,6 +1,6 @@
 // The moment in the page's address: #t=1.25&loop=1,2.5; a copied link also has the view and what is shown.
 
-const CHOICES = ["answer", "place", "lead", "through"], SWITCHES = ["skeletons", "uncertainty", "cameras", "paths", "follow"];
+const CHOICES = ["answer", "place", "lead", "through"], SWITCHES = ["skeletons", "uncertainty", "halo", "cameras", "paths", "follow"];
 
 function momentOf(hash) {
   const given = new URLSearchParams(hash.replace(/^#/, ""));
@@ -48,6 +48,16 @@ function writeAddress(state) {
     history.replaceState(null, "", hash);
   } catch {
     // a page within a page may not change its address
+  }
+}
+
+// Copy a command; what is said about it: the command, where it has to be copied by hand.
+async function copied(command) {
+  try {
+    await navigator.clipboard.writeText(command);
+    return `copied: ${command}`;
+  } catch {
+    return command;
   }
 }
 

@@ -90,17 +90,18 @@ function start() {
   function showState() {
     showTransport(page, state);
     $("help").hidden = !state.help;
+    $("film").hidden = state.loop.length !== 2;
     $("scene").classList.toggle("through", state.through >= 0);
     $("ramp").hidden = !state.uncertainty;
     $("reveal").hidden = state.answer === "both";
     reveal.value = state.together;
     $("measured").hidden = !state.chosen.length;
-    $("legend").textContent = message || warningAt(page, state) || page.legend;
+    $("legend").textContent = message || warningAt(page, state) || (haloShare(state) > 0 && !state.skeletons ? "halo: expected error of each part of the body" : page.legend);
   }
 
   function say(text) {
     message = text; redraw();
-    setTimeout(() => { message = ""; redraw(); }, 2500);
+    setTimeout(() => { message = ""; redraw(); }, 5000);
   }
 
   // all: how much of the way from the performers to the cameras is to be seen, 0 to 1.
@@ -134,6 +135,7 @@ function start() {
     const said = `${page.title} · ${state.phase.toFixed(2)} s of ${page.reference} · imocap`;
     snapshot($("stage"), said, theme, `${page.title}_${state.phase.toFixed(2)}s.png`);
   };
+  act.film = () => copied(`imocap video ${page.title} --from ${state.loop[0].toFixed(2)} --to ${state.loop[1].toFixed(2)}`).then(say);
   act.link = () => copyLink(state, orbit).then(say);
   const seekers = [null, null, null];
   for (const [k, id] of ["lanes", "warps", "curves"].entries()) {
@@ -142,6 +144,7 @@ function start() {
     $(id).addEventListener("pointermove", (e) => e.buttons && to(e));
   }
   listenToTransport(page, act);
+  $("film").addEventListener("click", () => act.film());
   listenToKeys({ ...transportKeys(act), ...viewerKeys(act) }, page.videos.length, act);
   const goTo = (given) => { choose(given, act, orbit); act.go(given); };
   addEventListener("hashchange", () => goTo(momentOf(location.hash)));

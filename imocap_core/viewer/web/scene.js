@@ -3,6 +3,11 @@
 const LIGHT = unit([0.45, 1, 0.55]);
 const GHOST = 0.38, FAINT = 0.13;
 
+// Of every bone its colour and the metres by which its halo lies outside the skin.
+function tintsAndSizes({ tints, halo, rows }) {
+  return Array.from({ length: rows.length / 12 }, (_, j) => [...(tints?.[j] ?? GREY), halo?.sizes[j] ?? 0]).flat();
+}
+
 class Scene {
   constructor(canvas, page, antialias) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias, stencil: true });
@@ -58,7 +63,9 @@ class Scene {
     if (state.skeletons) this.drawSkeletons(view, actors);
     else for (const actor of actors.filter((a) => a.alpha >= 1)) this.drawBody(view, actor);
     if (view.through < 0) this.drawSurroundings(view, actors, frames, state);
-    if (!state.skeletons) for (const actor of actors.filter((a) => a.alpha < 1)) this.drawGhost(view, actor);
+    if (state.skeletons) return;
+    for (const actor of actors.filter((a) => a.alpha < 1)) this.drawGhost(view, actor);
+    for (const actor of actors.filter((a) => a.halo)) this.drawGhost(view, actor, { halo: true, color: [...actor.color, actor.halo.alpha] });
   }
 
   drawSkeletons(view, actors) {
@@ -93,15 +100,15 @@ class Scene {
   }
 
   // Only the nearest surface shows through: depth first, then the colour once.
-  drawGhost(view, actor) {
+  drawGhost(view, actor, how = {}) {
     const gl = this.gl;
     gl.colorMask(false, false, false, false);
-    this.drawBody(view, actor);
+    this.drawBody(view, actor, how);
     gl.colorMask(true, true, true, true);
-    this.drawBody(view, actor);
+    this.drawBody(view, actor, how);
   }
 
-  drawBody(view, actor, { flat = [0, 0, 0], lit = true, color = null } = {}) {
+  drawBody(view, actor, { flat = [0, 0, 0], lit = true, color = null, halo = false } = {}) {
     const faces = lit && !this.level.coarse ? actor.mesh.fine : actor.mesh.coarse;
     const gl = this.gl, at = this.bodies;
     gl.useProgram(at.program);
@@ -115,7 +122,8 @@ class Scene {
     gl.uniform3fv(at.u_light, LIGHT);
     gl.uniform1i(at.u_lit, lit ? 1 : 0);
     gl.uniform1i(at.u_tinted, lit && actor.tints ? 1 : 0);
-    if (lit && actor.tints) gl.uniform3fv(at.u_tints, actor.tints.flat());
+    gl.uniform1i(at.u_halo, halo ? 1 : 0);
+    if (lit && (actor.tints || halo)) gl.uniform4fv(at.u_tints, tintsAndSizes(actor));
     gl.bindVertexArray(actor.mesh.array);
     gl.drawElements(gl.TRIANGLES, faces.count, gl.UNSIGNED_SHORT, faces.at);
   }

@@ -2,9 +2,9 @@
 
 const BODY_VERTEX = `#version 300 es
 in vec3 a_rest; in vec3 a_normal; in uvec4 a_bone; in vec4 a_weight; in float a_shade;
-uniform vec3 u_tints[BONES]; uniform bool u_tinted; out vec3 v_tint;
+uniform vec4 u_tints[BONES]; uniform bool u_tinted; out vec3 v_tint; // their w: metres to swell by
 uniform float u_scale; uniform mat4 u_view; uniform vec3 u_offset; uniform vec3 u_flat;
-uniform vec4 u_bones[3 * BONES];
+uniform vec4 u_bones[3 * BONES]; uniform bool u_halo;
 out vec3 v_normal; out vec3 v_place; out float v_shade;
 void main() {
   vec4 x = vec4(a_rest * u_scale, 1.0);
@@ -16,8 +16,10 @@ void main() {
   vec3 place = vec3(dot(rows[0], x), dot(rows[1], x), dot(rows[2], x)) + u_offset;
   v_normal = vec3(dot(rows[0].xyz, a_normal), dot(rows[1].xyz, a_normal), dot(rows[2].xyz, a_normal));
   v_shade = u_tinted ? 0.85 : a_shade;
-  v_tint = vec3(0.0);
-  if (u_tinted) for (int k = 0; k < 4; k++) v_tint += a_weight[k] * u_tints[int(a_bone[k])];
+  vec4 tint = vec4(0.0);
+  if (u_tinted || u_halo) for (int k = 0; k < 4; k++) tint += a_weight[k] * u_tints[int(a_bone[k])];
+  v_tint = tint.rgb;
+  if (u_halo) place += normalize(v_normal) * tint.w;
   if (u_flat.y > 0.0) place = vec3(place.xz - u_flat.xz / u_flat.y * max(place.y, 0.0), 0.003).xzy;
   v_place = place;
   gl_Position = u_view * vec4(place, 1.0);
@@ -26,11 +28,16 @@ void main() {
 const BODY_FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 v_normal; in vec3 v_place; in float v_shade; in vec3 v_tint;
-uniform vec4 u_color; uniform bool u_tinted; uniform vec3 u_eye; uniform vec3 u_light; uniform bool u_lit;
+uniform vec4 u_color; uniform bool u_tinted; uniform vec3 u_eye; uniform vec3 u_light; uniform bool u_lit; uniform bool u_halo;
 out vec4 color;
 void main() {
   if (!u_lit) { color = u_color; return; }
   vec3 n = normalize(v_normal), to_eye = normalize(u_eye - v_place);
+  if (u_halo) {
+    float rim = 1.0 - abs(dot(n, to_eye));
+    color = vec4(u_color.rgb, u_color.a * (0.22 + 0.6 * rim * rim));
+    return;
+  }
   float key = max(dot(n, u_light), 0.0), sky = 0.5 + 0.5 * n.y;
   float fill = max(dot(n, normalize(to_eye + vec3(0.0, 0.2, 0.0))), 0.0);
   float edge = pow(1.0 - max(dot(n, to_eye), 0.0), 3.0);

@@ -5,7 +5,7 @@ const HELP = [
   ["+ −", "speed"], ["1 … 9", "show or hide a video"], ["i", "all videos together, each alone, or both"],
   ["o", "side by side, one among ghosts, or all in one place"], ["c", "look through the next camera"],
   ["f, a", "see the performers; see the cameras too"], ["k, s", "keypoints; skeleton over the frames"],
-  ["b, u", "bodies or skeletons; colour by uncertainty"], ["l", "loop: its beginning, its end, none"],
+  ["b; u, h", "bodies or skeletons; uncertainty as colour, as a halo"], ["l", "loop: its beginning, its end, none"],
   ["click a joint", "its height; two: distance; three: angle"], ["p", "save the scene as a picture"],
   ["drag, wheel", "turn, zoom; with shift move"], ["esc", "close, clear, back to the free eye"],
 ];
@@ -50,8 +50,9 @@ function makeTools(parent, beside, over, act) {
     ["paths", "The way of the pelvis over the ground, pale at the start", () => act.flip("paths")],
     ["skeletons", "Skeletons instead of bodies (b)", () => act.flip("skeletons")],
     ["uncertainty", "Coloured by the standard deviation of each joint (u)", () => act.flip("uncertainty")],
+    ["halo", "As far around the body as it may be wrong (h)", () => act.flip("halo")],
   ]);
-  extras[3].disabled = !act.page.videos.some((video) => video.sigma);
+  extras[3].disabled = extras[4].disabled = !act.page.videos.some((video) => video.sigma);
   const marks = group(beside, [
     ["keypoints", "Detected keypoints over the frames (k)", () => act.mark("detected")],
     ["skeleton", "The motion's skeleton over the frames (s)", () => act.mark("skeleton")],
@@ -67,7 +68,7 @@ function makeTools(parent, beside, over, act) {
     places.forEach((button, i) => press(button, state.place === PLACES[i]));
     press(views[3], state.follow);
     press(extras[0], state.cameras); press(extras[1], state.paths);
-    press(extras[2], state.skeletons); press(extras[3], state.uncertainty);
+    press(extras[2], state.skeletons); press(extras[3], state.uncertainty); press(extras[4], state.halo);
     press(marks[0], state.marks.detected); press(marks[1], state.marks.skeleton);
     press(others[2], state.help);
   };
@@ -78,7 +79,7 @@ function viewerKeys(act) {
   return {
     i: () => act.answer(answers[state.answer]), c: () => act.next(), f: () => act.fit(0), a: () => act.fit(1),
     o: () => act.place(PLACES[(PLACES.indexOf(state.place) + 1) % PLACES.length]),
-    b: () => act.flip("skeletons"), u: () => act.flip("uncertainty"), p: () => act.snapshot(),
+    b: () => act.flip("skeletons"), u: () => act.flip("uncertainty"), h: () => act.flip("halo"), p: () => act.snapshot(),
     k: () => act.mark("detected"), s: () => act.mark("skeleton"), "?": () => act.help(),
     Escape: () => {
       if (state.help) act.help(false);
