@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
+from benchmarks.sync.reliability import expected_calibration_error
 from tools.svg import INK, PALE, PAPER, SANS, box, text
 
 PANEL, GAP, COLUMNS, BINS = 130.0, 46.0, 5, 10
@@ -35,16 +36,6 @@ def write_reliability(
         of_kind = kinds == kind
         parts += _panel(x, y, kind, confidence[of_kind], right[of_kind])
     file.write_text("\n".join([*parts, "</svg>"]) + "\n")
-
-
-def expected_calibration_error(
-    confidence: Float[np.ndarray, " n"], right: Bool[np.ndarray, " n"]
-) -> float:
-    """Mean over equal bins of |claimed - true share|, weighted by their entries (Naeini et al.,
-    2015); at least one entry."""
-    bin_ = np.minimum((confidence * BINS).astype(int), BINS - 1)
-    gaps = np.bincount(bin_, weights=confidence - right, minlength=BINS)
-    return float(np.abs(gaps).sum() / len(confidence))
 
 
 def _panel(x: float, y: float, kind: str, confidence: np.ndarray, right: np.ndarray) -> list[str]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from benchmarks.sync.calibration_scenes import KINDS, calibration_scenes
 from benchmarks.sync.scenes import SyncScene
-from imocap_core.metrics.calibration import expected_calibration_error
 from imocap_core.metrics.sync import true_reference_frame
 from imocap_core.params import SyncParams
 from imocap_core.sync import SyncEvidence, SyncResult, synchronise
@@ -94,3 +93,13 @@ def reliability_row(name: str, judged: Float[np.ndarray, "n 2"]) -> ReliabilityR
         float(sure.mean()),
         float(right[sure].mean()) if sure.any() else float("nan"),
     )
+
+
+def expected_calibration_error(
+    confidence: Float[np.ndarray, " n"], right: Bool[np.ndarray, " n"], bins: int = 10
+) -> float:
+    """Mean over equal bins of |claimed - true share|, weighted by their entries (Naeini et al.,
+    2015); at least one entry."""
+    bin_ = np.minimum((confidence * bins).astype(int), bins - 1)
+    gaps = np.bincount(bin_, weights=confidence - right, minlength=bins)
+    return float(np.abs(gaps).sum() / len(confidence))

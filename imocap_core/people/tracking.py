@@ -291,7 +291,7 @@ def lost_frames(
     across = np.maximum(length[:-1], length[1:]) > LONG
     jumps = (step > fast) & (gap_s <= AT_ONCE_S) & across
     right = 0  # rows from here on follow a right one
-    for last in np.flatnonzero(jumps):
+    for last in map(int, np.flatnonzero(jumps)):
         if last < right:
             continue
         near = np.linalg.norm(trunk[last + 1 :] - trunk[last], axis=-1).max(axis=-1)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.sync.reliability import expected_calibration_error
 from imocap_core.metrics.calibration import (
     along_and_across,
     coverage_error,
@@ -12,7 +13,6 @@ from imocap_core.metrics.calibration import (
     probability_content,
     total_sigma,
 )
-from tools.reliability_picture import expected_calibration_error
 
 
 def test_honest_claims_give_one_and_doubled_ones_a_half() -> None:
