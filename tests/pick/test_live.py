@@ -58,5 +58,5 @@ def test_it_says_why_there_is_nothing(tmp_path: Path) -> None:
         assert asker.ask("viewer.html")[0].status == 404
         (job.store.folder / NAME / LAST_RUN).write_text('{"error": "v1 is no video"}')
         assert asker.state()["sentence"] == "The last run ended: v1 is no video"
-    with pytest.raises(WrongUse, match="no such action"), following("other", tmp_path):
+    with pytest.raises(WrongUse, match="no action 'other'"), following("other", tmp_path):
         pass
