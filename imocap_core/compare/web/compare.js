@@ -157,7 +157,7 @@ function start() {
     f: () => { act.fit(); redraw(); }, p: () => act.snapshot(), Escape: () => act.measure(null),
   }, page.videos.length, act);
   const goTo = (given) => { choose(given, act, orbit); act.go(given); };
-  addEventListener("hashchange", () => goTo(momentOf(location.hash)));
+  addEventListener("hashchange", (e) => goTo(momentOf(new URL(e.newURL).hash)));
   new ResizeObserver(redraw).observe($("page"));
   orbit.azimuth = page.azimuth;
   act.seek(page.findings.find((finding) => finding.angle)?.at ?? state.phase);

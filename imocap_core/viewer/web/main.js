@@ -147,7 +147,7 @@ function start() {
   $("film").addEventListener("click", () => act.film());
   listenToKeys({ ...transportKeys(act), ...viewerKeys(act) }, page.videos.length, act);
   const goTo = (given) => { choose(given, act, orbit); act.go(given); };
-  addEventListener("hashchange", () => goTo(momentOf(location.hash)));
+  addEventListener("hashchange", (e) => goTo(momentOf(new URL(e.newURL).hash)));
   const arrange = () => {
     const stacked = matchMedia("(max-width: 760px), (max-height: 500px)").matches;
     const room = [$("side").clientWidth - 20, stacked ? innerHeight : $("side").clientHeight - 48];
