@@ -136,9 +136,7 @@ def project(matrix: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 3 3"]:
 
 
 def mean(
-    rotation: Float[Tensor, "... 3 3"],
-    weights: Float[Tensor, "..."] | None = None,
-    dim: int = 0,
+    rotation: Float[Tensor, "... 3 3"], weights: Float[Tensor, "..."] | None = None, dim: int = 0
 ) -> Float[Tensor, "... 3 3"]:
     """Weighted chordal mean over a leading axis: argmin over R of sum w |R - R_i|_F^2.
 

@@ -106,9 +106,7 @@ def even_moments(time_s: Float[np.ndarray, " T"]) -> EvenMoments:
 
 
 def points_at_moments(
-    points: Float[np.ndarray, "T ..."],
-    moments: EvenMoments,
-    time_s: Float[np.ndarray, " T"],
+    points: Float[np.ndarray, "T ..."], moments: EvenMoments, time_s: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "N ..."]:
     """Detections between two frames by linear interpolation, coordinate by coordinate.
 

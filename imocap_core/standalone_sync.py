@@ -327,13 +327,7 @@ def _cut(
     return workspace.ready_job(str(folder), sets, display), notes
 
 
-def _about(
-    reference: str,
-    job: Job,
-    artifacts: Artifacts,
-    former: Sync,
-    display: Display,
-) -> Sync:
+def _about(reference: str, job: Job, artifacts: Artifacts, former: Sync, display: Display) -> Sync:
     """The synchronisation with another reference than the one that is chosen."""
     from imocap_core.adapters.hints import hints_of, with_sound
     from imocap_core.adapters.participants import known_mirrors

@@ -32,12 +32,7 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.cli import stage_main
-from imocap_core.motion.multiview.alternation import (
-    Alternation,
-    LoopRound,
-    LoopSteps,
-    alternate,
-)
+from imocap_core.motion.multiview.alternation import Alternation, LoopRound, LoopSteps, alternate
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
@@ -95,10 +90,7 @@ def _without_matrices(inputs: Inputs) -> tuple[SyncSummary, Float[np.ndarray, " 
 
 
 def _loop_sync(
-    ctx: Context,
-    inputs: Inputs,
-    sound_start_s: Float[np.ndarray, " M"] | None,
-    params: Params,
+    ctx: Context, inputs: Inputs, sound_start_s: Float[np.ndarray, " M"] | None, params: Params
 ) -> LoopSync:
     """What the loop's synchronisations go by."""
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
@@ -196,9 +188,7 @@ def _in_turn(
 
 
 def _as_artifact(
-    loop: Alternation[Sync, SyncSummary, JointMotion],
-    problem: JointProblem,
-    single_pass: SmplBa,
+    loop: Alternation[Sync, SyncSummary, JointMotion], problem: JointProblem, single_pass: SmplBa
 ) -> RefineSync:
     """All rounds as they are stored; common motion and ground are the result's alone."""
     motions = [single_pass, *(problem.result(r.motion) for r in loop.rounds[1:])]

@@ -91,11 +91,7 @@ def matched_frames(sync: Path, ids: Sequence[str]) -> list[dict[str, int]]:
 
 
 def triangulated(
-    python: str,
-    project: Path,
-    action: Path,
-    calibration: str,
-    frames: Sequence[Mapping[str, int]],
+    python: str, project: Path, action: Path, calibration: str, frames: Sequence[Mapping[str, int]]
 ) -> tuple[str, Float[np.ndarray, "N J 3"]]:
     """What Pose2Sim says of the reprojection, and its points."""
     (project / "calibration").mkdir(parents=True)

@@ -22,9 +22,9 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 350,
-    "lines of the core": 76_500,
+    "lines of the core": 76_400,
     "packages of the core": 40,
-    "public names of the core": 4_350,
+    "public names of the core": 4_260,
     "lines of the core's longest function": 84,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 13,

@@ -48,9 +48,7 @@ GROUPS = {
     ),
     "c3d": Readers("IMOCAP_C3D", ("ezc3d==1.7.2", "c3d", "numpy"), ("tests/io/test_c3d.py",)),
     "opensim": Readers(
-        "IMOCAP_OPENSIM",
-        ("opensim==4.6.*", "numpy"),
-        ("tests/export/test_opensim.py",),
+        "IMOCAP_OPENSIM", ("opensim==4.6.*", "numpy"), ("tests/export/test_opensim.py",)
     ),
     "rerun": Readers(
         "IMOCAP_RERUN", ("rerun-sdk==0.41.*",), ("tests/io/test_foxglove.py",), "rerun"

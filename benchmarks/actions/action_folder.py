@@ -21,19 +21,8 @@ import yaml
 from jaxtyping import Int
 from scipy.ndimage import median_filter
 
-from benchmarks.actions.captured import (
-    PLACEMENTS,
-    SIZE,
-    CapturedVideo,
-    RecordedView,
-    video_rng,
-)
-from benchmarks.synthetic.captured import (
-    coco18_points,
-    hip_middle,
-    place_camera,
-    stature_m,
-)
+from benchmarks.actions.captured import PLACEMENTS, SIZE, CapturedVideo, RecordedView, video_rng
+from benchmarks.synthetic.captured import coco18_points, hip_middle, place_camera, stature_m
 from benchmarks.synthetic.detector_presets import detect_person
 from benchmarks.synthetic.estimator import estimate
 from imocap_core.camera.projection import project

@@ -15,15 +15,7 @@ from jaxtyping import Float
 
 from benchmarks.actions.captured import CapturedVideo, RecordedView, video_rng
 from benchmarks.actions.choice import Choice
-from benchmarks.actions.h36m_files import (
-    FILE_2D,
-    FILE_3D,
-    FPS,
-    H36M_17,
-    SIZE,
-    Recording,
-    read_h36m,
-)
+from benchmarks.actions.h36m_files import FILE_2D, FILE_3D, FPS, H36M_17, SIZE, Recording, read_h36m
 from benchmarks.actions.resection import Resection, resect
 from benchmarks.synthetic.captured import COCO18, HIP_OUTWARD
 from benchmarks.synthetic.frame_sampling import sample_frames

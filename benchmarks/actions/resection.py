@@ -118,9 +118,7 @@ def _linear(
 
 
 def _errors_px(
-    P: Float[np.ndarray, "B 3 4"],
-    world: Float[np.ndarray, "N 3"],
-    pixels: Float[np.ndarray, "N 2"],
+    P: Float[np.ndarray, "B 3 4"], world: Float[np.ndarray, "N 3"], pixels: Float[np.ndarray, "N 2"]
 ) -> Float[np.ndarray, "B N"]:
     """Reprojection errors of all pairs under each of B cameras."""
     homogeneous = world @ np.swapaxes(P[:, :, :3], 1, 2) + P[:, None, :, 3]

@@ -84,8 +84,7 @@ def _rows(
             lambda: keypoints_with_jacobian(model.shape(own_betas), points, R_local, transl),
         ),
         row(
-            f"{bodies} bodies, joints only",
-            lambda: model.shape(betas).pose(R_local, transl).joints,
+            f"{bodies} bodies, joints only", lambda: model.shape(betas).pose(R_local, transl).joints
         ),
         row(
             f"{bodies} bodies, {len(points.names)} keypoints",

@@ -134,10 +134,7 @@ def _sum(tallies: Iterable[Tally]) -> Tally:
 
 
 def _motion(
-    folder: Path,
-    listing: CollectedList,
-    places: Mapping[int, Sequence[CutPiece]],
-    display: Display,
+    folder: Path, listing: CollectedList, places: Mapping[int, Sequence[CutPiece]], display: Display
 ) -> dict[str, ActionScore]:
     """Scores of the collected action and of the same takes as clean clips."""
     clean = f"{RUN}_clean"

@@ -14,13 +14,7 @@ from benchmarks.actions.action_folder import action_key, make_whole
 from benchmarks.degraded.footage import Footage, degraded_pictures
 from benchmarks.detector.reference import reference_limbs
 from benchmarks.stability.perturbations import Declared
-from benchmarks.stability.variants import (
-    CRF,
-    TRUTHS,
-    copy_file,
-    detected_declaration,
-    source_files,
-)
+from benchmarks.stability.variants import CRF, TRUTHS, copy_file, detected_declaration, source_files
 from imocap_core.io.video import probe, read_rgb, write_h264
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.source import closure
@@ -58,11 +52,6 @@ def _write_video(
     file = source / declared["video"]
     info = probe(file)
     limbs = reference_limbs(source, declared["id"], info.frame_count)
-    pictures = degraded_pictures(
-        (picture for _, picture in read_rgb(file)),
-        limbs,
-        footage,
-        number,
-    )
+    pictures = degraded_pictures((picture for _, picture in read_rgb(file)), limbs, footage, number)
     (folder / declared["video"]).parent.mkdir(parents=True, exist_ok=True)
     write_h264(folder / declared["video"], pictures, info.fps, crf=CRF)

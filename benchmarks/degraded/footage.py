@@ -50,10 +50,7 @@ class Footage:
 
 
 def degraded_pictures(
-    pictures: Iterable[Picture],
-    limbs: Float[np.ndarray, "T 12 2"],
-    footage: Footage,
-    video: int,
+    pictures: Iterable[Picture], limbs: Float[np.ndarray, "T 12 2"], footage: Footage, video: int
 ) -> Iterator[Picture]:
     """As many pictures, so that frame numbers stay: a dropped one shows the last one again.
 

@@ -78,9 +78,7 @@ def _walk(kind: str, rng: np.random.Generator) -> CameraWalk:
     return CameraWalk(0.0, shake_deg=shake, bob=False)
 
 
-def _gray(
-    pictures: Iterator[UInt8[np.ndarray, "H W 3"]],
-) -> Iterator[UInt8[np.ndarray, "H W"]]:
+def _gray(pictures: Iterator[UInt8[np.ndarray, "H W 3"]]) -> Iterator[UInt8[np.ndarray, "H W"]]:
     for picture in pictures:
         yield np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
 

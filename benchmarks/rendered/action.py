@@ -95,11 +95,7 @@ def _skeleton(video: CapturedVideo) -> np.ndarray:
 
 
 def true_pose(
-    video: str,
-    motion: RetargetedMotion,
-    captured: CapturedVideo,
-    shaped: Shaped,
-    betas: np.ndarray,
+    video: str, motion: RetargetedMotion, captured: CapturedVideo, shaped: Shaped, betas: np.ndarray
 ) -> dict[str, Any]:
     """SMPL's pose, place and shape in the truth's common world."""
     R, t = captured.R_common_from_scene, captured.t_common

@@ -16,13 +16,7 @@ from scipy.ndimage import median_filter
 
 from benchmarks.actions.captured import PLACEMENTS, SIZE, video_rng
 from benchmarks.sync.training_scenes import CAPTURED_FPS, performances_of, training_clip
-from benchmarks.synthetic.captured import (
-    COCO18,
-    coco18_points,
-    hip_middle,
-    place_camera,
-    stature_m,
-)
+from benchmarks.synthetic.captured import COCO18, coco18_points, hip_middle, place_camera, stature_m
 from benchmarks.synthetic.detector_presets import detect_person
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_14, mirror_indices

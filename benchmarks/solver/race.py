@@ -121,9 +121,7 @@ def race(
             row
             for name in problems
             for row in _race(
-                name,
-                *first_common_problem(made, options, rigid_offsets=PROBLEMS[name]),
-                most_times,
+                name, *first_common_problem(made, options, rigid_offsets=PROBLEMS[name]), most_times
             )
         ]
 

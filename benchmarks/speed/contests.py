@@ -117,8 +117,7 @@ def solver(fit: FitParams, motion: MotionParams, seed: int) -> list[RatioRow]:
         row
         for solver, name in SOLVERS.items()
         for row in with_growth(
-            [_solver_row(name, solver, frames, rows) for frames, rows in raced],
-            SOLVED_FRAMES,
+            [_solver_row(name, solver, frames, rows) for frames, rows in raced], SOLVED_FRAMES
         )
     ]
 

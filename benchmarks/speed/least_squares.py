@@ -14,14 +14,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 from scipy.sparse import coo_matrix, csr_matrix
 
-from benchmarks.solver.race import (
-    NEWTON,
-    NEWTON_STEPS,
-    NEWTON_TOLERANCE,
-    TARGET,
-    RaceOver,
-    timed,
-)
+from benchmarks.solver.race import NEWTON, NEWTON_STEPS, NEWTON_TOLERANCE, TARGET, RaceOver, timed
 from benchmarks.speed.motion_alone import MotionAlone
 from imocap_core.motion.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -186,11 +179,7 @@ def gauss_newton_s(problem: MotionAlone, target: float) -> float:
 def gauss_newton_alone(terms: Sequence[Term], start: MotionState) -> Solution:
     """Gauss-Newton until it has converged, the shape held."""
     return gauss_newton(
-        terms,
-        start,
-        max_steps=NEWTON_STEPS,
-        relative_tolerance=NEWTON_TOLERANCE,
-        free_shape=False,
+        terms, start, max_steps=NEWTON_STEPS, relative_tolerance=NEWTON_TOLERANCE, free_shape=False
     )
 
 

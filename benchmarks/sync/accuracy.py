@@ -12,11 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from benchmarks.sync.calibration import (
-    CalibrationRow,
-    calibration,
-    confidences_and_errors,
-)
+from benchmarks.sync.calibration import CalibrationRow, calibration, confidences_and_errors
 from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
 from benchmarks.sync.rivals import RIVALS, rival
 from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene

@@ -40,11 +40,7 @@ def confidences_and_errors(
     for v, frames in enumerate(reference_frame):
         if v != reference:
             errors = sync_errors(
-                frames,
-                scene.phases[v],
-                reference_frames,
-                scene.phases[reference],
-                scene.phase_end,
+                frames, scene.phases[v], reference_frames, scene.phases[reference], scene.phase_end
             )
             both = errors.matched & errors.has_truth
             error_s = errors.frames[both] / scene.fps[reference]

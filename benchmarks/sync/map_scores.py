@@ -37,11 +37,7 @@ def score_maps(
         if v == reference:
             continue
         errors = sync_errors(
-            estimate,
-            scene.phases[v],
-            reference_frames,
-            scene.phases[reference],
-            scene.phase_end,
+            estimate, scene.phases[v], reference_frames, scene.phases[reference], scene.phase_end
         )
         both = errors.matched & errors.has_truth
         mean_confidence = (

@@ -14,12 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from benchmarks.actions.captured import (
-    SIZE,
-    CapturedVideo,
-    protocol_videos,
-    trial_videos,
-)
+from benchmarks.actions.captured import SIZE, CapturedVideo, protocol_videos, trial_videos
 from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, place_camera
 from benchmarks.synthetic.estimator import estimate
 

@@ -12,13 +12,7 @@ from jaxtyping import Bool
 from imocap_core.adapters.hints import on_lines
 from imocap_core.adapters.joint import JointProblem
 from imocap_core.adapters.synchronisation import summary_of
-from imocap_core.artifacts.schemas import (
-    EventCamera,
-    EventCameras,
-    Keypoints,
-    Sync,
-    SyncSummary,
-)
+from imocap_core.artifacts.schemas import EventCamera, EventCameras, Keypoints, Sync, SyncSummary
 from imocap_core.camera.projection import Lens
 from imocap_core.motion.event_calibration import EventCalibration, EventProblem, Progress, calibrate
 from imocap_core.motion.event_clock import Clock, clock_of

@@ -77,10 +77,7 @@ def with_hands_on_ground(motion: SmplBa, model: Model, sync: SyncSummary) -> Smp
 
 
 def grounds_of(
-    videos: Sequence[VideoMotion],
-    keypoints: Keypoints,
-    camera_motion: CameraMotion,
-    fit: FitParams,
+    videos: Sequence[VideoMotion], keypoints: Keypoints, camera_motion: CameraMotion, fit: FitParams
 ) -> list[GroundPlane]:
     """The ground of each video by itself, in the axes of its first-frame camera."""
 

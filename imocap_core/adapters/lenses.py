@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import (
-    CameraMotion,
-    LensDistortion,
-    RefineSync,
-    VideoKeypoints,
-)
+from imocap_core.artifacts.schemas import CameraMotion, LensDistortion, RefineSync, VideoKeypoints
 from imocap_core.camera.line_lens import LineLens
 from imocap_core.camera.projection import Lens, intrinsics
 from imocap_core.camera.tripod import TurningLens
@@ -44,9 +39,7 @@ def lens_from(distortion: LensDistortion | None, K: Float[np.ndarray, "3 3"]) ->
 
 
 def undistorted_px(
-    xy_px: Float[np.ndarray, "*N 2"],
-    distortion: LensDistortion | None,
-    K: Float[np.ndarray, "3 3"],
+    xy_px: Float[np.ndarray, "*N 2"], distortion: LensDistortion | None, K: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "*N 2"]:
     """Pixels of a video as its camera would show them without distortion."""
     lens = lens_from(distortion, K)

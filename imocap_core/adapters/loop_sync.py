@@ -168,10 +168,7 @@ class LoopSync:
     rng: Callable[[], np.random.Generator]
 
     def beginning(
-        self,
-        problem: JointProblem,
-        single_pass: LoopRound[SyncSummary, JointMotion],
-        solve: Solve,
+        self, problem: JointProblem, single_pass: LoopRound[SyncSummary, JointMotion], solve: Solve
     ) -> tuple[LoopBeginning, Sync | None]:
         """Where the loop begins, and the correspondences of the motion that it begins with, where
         they are at hand.

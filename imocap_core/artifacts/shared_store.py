@@ -173,7 +173,7 @@ class FolderFiles:
 OBJECT_STORES = frozenset({"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oci", "memory"})
 FEW_RETRIES = {"retries": {"total_max_attempts": 1}, "connect_timeout": 10, "read_timeout": 20}
 OPTIONS: dict[str, dict[str, Any]] = {  # RetryingStore tries again
-    "s3": {"config_kwargs": FEW_RETRIES},
+    "s3": {"config_kwargs": FEW_RETRIES}
 }
 
 

@@ -239,9 +239,7 @@ def rotations_from_pose(theta: Float[Tensor, "... P"]) -> Float[Tensor, "... J 3
     return so3.exp(theta.unflatten(-1, (-1, 3)))
 
 
-def pose_from_rotations(
-    R_local: Float[Tensor, "... J 3 3"],
-) -> Float[Tensor, "... P"]:
+def pose_from_rotations(R_local: Float[Tensor, "... J 3 3"]) -> Float[Tensor, "... P"]:
     """Local rotations to axis-angle poses, P = 3 J, radians; angles are at most pi."""
     return so3.log(R_local).flatten(-2)
 

@@ -37,10 +37,7 @@ def angle_deg(
 
 
 def mean_rotation(
-    R: ArrayLike,
-    weights: ArrayLike | None = None,
-    *,
-    scale_deg: float = 10.0,
+    R: ArrayLike, weights: ArrayLike | None = None, *, scale_deg: float = 10.0
 ) -> Float[np.ndarray, "3 3"]:
     """Robust single rotation averaging: Geman-McClure mean of rotations (N, 3, 3).
 

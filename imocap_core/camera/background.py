@@ -220,11 +220,7 @@ def _candidates(
 
 
 def _match(
-    key: _Key,
-    view: _View,
-    H_first_from_frame: np.ndarray,
-    min_inliers: int,
-    threshold_px: float,
+    key: _Key, view: _View, H_first_from_frame: np.ndarray, min_inliers: int, threshold_px: float
 ) -> Matches | None:
     """Corners of a key frame tracked by optical flow (Lucas-Kanade) from their predicted places."""
     picture, mask = view.picture, view.mask

@@ -19,11 +19,7 @@ from imocap_core.camera.averaging import angle_deg
 from imocap_core.camera.background import Matches, chain
 from imocap_core.camera.parallax import ParallaxTest
 from imocap_core.camera.projection import intrinsics, warp
-from imocap_core.camera.zooming import (
-    homographies,
-    rotations_and_zooms,
-    rotations_key_from_frame,
-)
+from imocap_core.camera.zooming import homographies, rotations_and_zooms, rotations_key_from_frame
 from imocap_core.robust import geman_mcclure
 
 MotionKind = Literal["static", "rotating", "zooming", "translating", "unknown"]
@@ -160,10 +156,7 @@ def _simplest_motion(
 
 
 def _translating(
-    matches: Sequence[Matches],
-    start: CameraMotionEstimate,
-    R: Float[np.ndarray, "T 3 3"],
-    why: str,
+    matches: Sequence[Matches], start: CameraMotionEstimate, R: Float[np.ndarray, "T 3 3"], why: str
 ) -> CameraMotionEstimate:
     """``start`` with plain homographies: a camera that moves, its path unknown."""
     H = chain(matches, np.stack([match.H_key_from_frame for match in matches]))

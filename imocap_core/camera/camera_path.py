@@ -124,10 +124,7 @@ def _frame_pose(
 
 
 def _centre_sd(
-    evidence: PointEvidence,
-    R: Float[np.ndarray, "3 3"],
-    t: Float[np.ndarray, "3"],
-    noise_px: float,
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"], noise_px: float
 ) -> float:
     """Standard deviation of a coordinate of the camera's place, the rotation unknown as well."""
     x, y, z = camera_from_world(evidence.x_world, R, t).T

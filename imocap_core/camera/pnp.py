@@ -263,10 +263,7 @@ def _translation(
 
 
 def _judge(
-    evidence: PointEvidence,
-    R: Float[np.ndarray, "3 3"],
-    t: Float[np.ndarray, "3"],
-    status: str,
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"], status: str
 ) -> CameraPose:
     """The pose with its median error."""
     median = float(np.median(errors_px(evidence, R, t)))

@@ -347,8 +347,7 @@ def sync_command(
         str | None, typer.Option(help="Name of the action below artifacts/ for the results.")
     ] = None,
     reference: Annotated[
-        str | None,
-        typer.Option(help="Video whose time axis is used (default: a central one)."),
+        str | None, typer.Option(help="Video whose time axis is used (default: a central one).")
     ] = None,
     repetitions: Annotated[
         bool, typer.Option("--repetitions", help="Cut one long clip into its repetitions first.")

@@ -237,12 +237,7 @@ def run_all_command(
     chosen = None if every else actions
     if as_json:
         ends = run_all(
-            chosen,
-            root=root_of(context),
-            params=sets,
-            executor=choice,
-            store=store,
-            device=device,
+            chosen, root=root_of(context), params=sets, executor=choice, store=store, device=device
         )
         print_json({"actions": ends})
     else:

@@ -397,11 +397,7 @@ def listed_shot(
 
 
 def _outcome(
-    shot: Shot,
-    people: int,
-    occurrences: Sequence[ListedOccurrence],
-    best: float | None,
-    fps: float,
+    shot: Shot, people: int, occurrences: Sequence[ListedOccurrence], best: float | None, fps: float
 ) -> str:
     if occurrences:
         return "; ".join(f"{o.id}: {'a video' if o.chosen else o.reason}" for o in occurrences)

@@ -80,9 +80,7 @@ LIMB_JOINTS = {"arm": ("elbow", "wrist"), "leg": ("knee", "ankle")}
 
 
 def contradicted_findings(
-    motion: SmplBa,
-    videos: Mapping[str, VideoKeypoints],
-    cameras: Sequence[VideoCameraMotion],
+    motion: SmplBa, videos: Mapping[str, VideoKeypoints], cameras: Sequence[VideoCameraMotion]
 ) -> list[Finding]:
     """The stretches in which the motion does not follow the detector: the other videos, or what a
     body can do, overruled it. Where sides were put right nothing is said."""
@@ -109,9 +107,7 @@ def contradicted_findings(
             )
             for k, name in enumerate(_names())
             for first, last in runs(
-                away[:, k] > AWAY,
-                max(2, round(LEAST_S * video.fps)),
-                round(GAP_S * video.fps),
+                away[:, k] > AWAY, max(2, round(LEAST_S * video.fps)), round(GAP_S * video.fps)
             )
         ]
     return findings
@@ -176,9 +172,7 @@ def _names() -> list[str]:
 
 
 def _distances(
-    body_px: Float[np.ndarray, "T 24 2"],
-    video: VideoKeypoints,
-    xy_px: Float[np.ndarray, "T K 2"],
+    body_px: Float[np.ndarray, "T 24 2"], video: VideoKeypoints, xy_px: Float[np.ndarray, "T K 2"]
 ) -> Float[np.ndarray, "T 4"]:
     """How far a limb's joints are detected from the body's, in sizes of the person: the farthest of
     those seen; 0 where none is."""

@@ -390,10 +390,7 @@ def _pose(
 
 
 def _image(
-    name: str,
-    video: VideoKeypoints,
-    body: BodyPoints,
-    xy_first_px: Float[np.ndarray, "T K 2"],
+    name: str, video: VideoKeypoints, body: BodyPoints, xy_first_px: Float[np.ndarray, "T K 2"]
 ) -> list[ScoreRow]:
     heights = video.person_box_px[:, 3] - video.person_box_px[:, 1]
     height = float(np.nanmedian(heights)) if np.isfinite(heights).any() else float("nan")

@@ -284,11 +284,7 @@ class Cluster:
         self._count += 1
         self._tasks[task.name] = task
         future = self._client.submit(
-            _on_worker,
-            task,
-            key=f"{task.name} #{self._count}",
-            priority=-task.priority,
-            pure=False,
+            _on_worker, task, key=f"{task.name} #{self._count}", priority=-task.priority, pure=False
         )
         self._futures[task.name] = future
         future.add_done_callback(lambda future: self._events.put(_end_of(task, future)))

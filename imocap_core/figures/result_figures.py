@@ -12,14 +12,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from imocap_core.artifacts.schemas import Camera, VideoMotion
-from imocap_core.figures.style import (
-    GRID,
-    RESULT_COLORS,
-    color_of,
-    grid,
-    headline,
-    new_figure,
-)
+from imocap_core.figures.style import GRID, RESULT_COLORS, color_of, grid, headline, new_figure
 
 _FRUSTUM_M = 0.45
 _SHOWN_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])

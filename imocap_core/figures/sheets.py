@@ -165,10 +165,7 @@ def detected_cells(
     """The detections of each frame (index) over its cell; names: of the layout's keypoints."""
     return {
         t: draw_keypoints(
-            cells[t],
-            cuts[t].points(keypoints.xy_px[t]),
-            keypoints.confidence[t],
-            names,
+            cells[t], cuts[t].points(keypoints.xy_px[t]), keypoints.confidence[t], names
         )
         for t in frames
     }

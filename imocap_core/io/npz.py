@@ -70,10 +70,7 @@ def array_names(path: Path) -> set[str]:
 
 
 def numbers(
-    arrays: dict[str, Shaped[np.ndarray, "..."]],
-    name: str,
-    shape: Sequence[int | str],
-    path: Path,
+    arrays: dict[str, Shaped[np.ndarray, "..."]], name: str, shape: Sequence[int | str], path: Path
 ) -> Float[np.ndarray, "..."]:
     """Array ``name`` as float64; ValueError unless its shape matches (text matches any length)."""
     expected = "(" + ", ".join(map(str, shape)) + ")"

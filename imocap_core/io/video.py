@@ -260,12 +260,7 @@ def film_encoder() -> str:
 
 
 def write_h264(
-    path: Path,
-    frames: Iterable[RgbPicture],
-    fps: float,
-    *,
-    crf: int = 20,
-    faststart: bool = False,
+    path: Path, frames: Iterable[RgbPicture], fps: float, *, crf: int = 20, faststart: bool = False
 ) -> int:
     """Write RGB frames as an mp4 (H.264, or what `film_encoder` is); returns their number.
 

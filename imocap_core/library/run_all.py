@@ -142,12 +142,7 @@ def make_built_in(report: Report, root: Path, name: str) -> None:
 
 
 def detect_video(
-    report: Report,
-    root: Path,
-    action: str,
-    sets: tuple[str, ...],
-    shared: str | None,
-    video: str,
+    report: Report, root: Path, action: str, sets: tuple[str, ...], shared: str | None, video: str
 ) -> None:
     """Detect the people in one video, unless that was done."""
     from imocap_core.detect.detected_action import detect_one
@@ -479,11 +474,7 @@ def _fetched(workspace: Workspace, end: ActionEnd, sets: list[str]) -> ActionEnd
     """The end of an action after its results were copied from the shared store."""
     try:
         run_action(
-            end.action,
-            root=workspace.root,
-            params=sets,
-            store=workspace.shared,
-            part_of_many=True,
+            end.action, root=workspace.root, params=sets, store=workspace.shared, part_of_many=True
         )
     except ImocapError as error:
         return replace(end, state="failed", fault=f"fetching its results: {error}")

@@ -41,11 +41,7 @@ class Explanation:
 
 @plain_errors
 def status(
-    action: str | Path,
-    *,
-    root: str | Path = ".",
-    params: Params = None,
-    store: str | None = None,
+    action: str | Path, *, root: str | Path = ".", params: Params = None, store: str | None = None
 ) -> list[StageStatus]:
     """For every stage whether its result is cached, and if not, why it would run.
 

@@ -174,10 +174,7 @@ class CameraRig:
         pictures do not tell the size of a world, and bones that vary draw it to a smaller one."""
         factor = float(np.median(lengths / np.maximum(self.lengths, 1e-6))) if len(lengths) else 1.0
         return replace(
-            self,
-            t=factor * self.t,
-            points=factor * self.points,
-            lengths=factor * self.lengths,
+            self, t=factor * self.t, points=factor * self.points, lengths=factor * self.lengths
         )
 
 

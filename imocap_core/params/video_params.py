@@ -104,8 +104,7 @@ class KeypointsParams:
         "their layout gives, by view and pose (blazepose33 only).",
     )
     cuts: bool = param(
-        True,
-        "Look for cuts between shots and report them, where the action has the video file.",
+        True, "Look for cuts between shots and report them, where the action has the video file."
     )
 
 

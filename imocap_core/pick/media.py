@@ -435,11 +435,7 @@ def _key(action: Action, asked: Declaration, source: Path) -> str:
 
 
 def _follow(
-    made: TrackedOutlines,
-    action: Action,
-    asked: Declaration,
-    source: Path,
-    params: KeypointsParams,
+    made: TrackedOutlines, action: Action, asked: Declaration, source: Path, params: KeypointsParams
 ) -> Any:
     def job() -> None:
         from imocap_core.adapters.detected_people import followed_video

@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored, sweep
-from imocap_core.errors import (
-    ArtifactCorrupt,
-    WorkFailed,
-)
+from imocap_core.errors import ArtifactCorrupt, WorkFailed
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.graph import Pipeline, RunSettings, must_be_allowed
 from imocap_core.pipeline.keys import differences, read_files, recipe

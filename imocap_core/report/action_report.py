@@ -124,13 +124,7 @@ def _stamp(
     core = PROJECT / "imocap_core"
     code = {name: digest for file in _MADE_BY for name, digest in closure(core / file).items()}
     results = {stage: stored[stage].digest for stage in NEEDED}
-    content = [
-        results,
-        code,
-        dict(seconds),
-        sources,
-        None if single is None else single.digest,
-    ]
+    content = [results, code, dict(seconds), sources, None if single is None else single.digest]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

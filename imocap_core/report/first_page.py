@@ -22,13 +22,7 @@ from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import video_angles
-from imocap_core.technique import (
-    SHOWN,
-    degrees,
-    largest,
-    plain_angle,
-    without_side,
-)
+from imocap_core.technique import SHOWN, degrees, largest, plain_angle, without_side
 
 ANGLES = "angles.png"
 _KEY_ANGLES = 3  # left and right of each

@@ -173,7 +173,7 @@ _LEADS_OF_ONE = {
 }
 _LEADS_OF_TWO = {
     "Synchronisation": "Frames are matched by their poses. A third video would check the matches: "
-    "a round trip over three must end at its start.",
+    "a round trip over three must end at its start."
 }
 _NO_TRUTH, _NO_TRUTH_OF_ONE = "The same moments", "The video"  # first section, nothing scored
 _REST = "Other"

@@ -311,11 +311,7 @@ class Contents:
 
 
 def write_report(
-    folder: Path,
-    title: str,
-    tables: Sequence[Table],
-    every: Table,
-    pictures: Sequence[Picture],
+    folder: Path, title: str, tables: Sequence[Table], every: Table, pictures: Sequence[Picture]
 ) -> list[str]:
     """Write contents.json, metrics.json and one CSV per table; returns the file names.
 

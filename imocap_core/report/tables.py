@@ -304,12 +304,7 @@ def ground_tables(
 def second_look_tables(again: Redetect) -> list[Table]:
     """One table, or none where no picture was looked at again."""
     rows: list[list[Cell]] = [
-        [
-            video.id,
-            len(video.looked_at),
-            video.contradicted,
-            int((video.confidence > 0).sum()),
-        ]
+        [video.id, len(video.looked_at), video.contradicted, int((video.confidence > 0).sum())]
         for video in again.videos
     ]
     if not rows:

@@ -50,10 +50,7 @@ Kind = TypeVar("Kind", bound=ActionResult)
 
 
 def read_result(
-    artifacts: Artifacts,
-    kind: type[Kind],
-    folder: Path | None = None,
-    stage: Stage = "refine_sync",
+    artifacts: Artifacts, kind: type[Kind], folder: Path | None = None, stage: Stage = "refine_sync"
 ) -> Kind:
     """The result in the reference camera's axes, on the videos' own timelines.
 

@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 from imocap_core.adapters.redetection import with_redetected
-from imocap_core.artifacts.schemas import (
-    CameraMotion,
-    Keypoints,
-    Redetect,
-    RefineSync,
-    Uncertainty,
-)
+from imocap_core.artifacts.schemas import CameraMotion, Keypoints, Redetect, RefineSync, Uncertainty
 from imocap_core.diagnostics.action_verdict import verdict_of
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.result.artifacts import Artifacts

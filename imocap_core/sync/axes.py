@@ -215,11 +215,7 @@ def _refine_by_reprojection(
 
 
 def _squared_heights(
-    v: int,
-    maps: Sequence[BandedMap],
-    distances: DistanceMatrix,
-    reference: int,
-    per_frame: int,
+    v: int, maps: Sequence[BandedMap], distances: DistanceMatrix, reference: int, per_frame: int
 ) -> Callable[[slice, slice], Float[np.ndarray, "_t _s"]]:
     """Squared differences of video v's heights to the others' mean, in units of those of matches
     (`maps`): a function of frames and positions."""

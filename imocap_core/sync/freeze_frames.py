@@ -149,11 +149,7 @@ def hints_of_pictures(hints: Hints, videos: Sequence[DistinctFrames]) -> Hints:
 
     return Hints(
         tuple(
-            replace(
-                x,
-                frame_a=round(picture(x.a, x.frame_a)),
-                frame_b=picture(x.b, x.frame_b),
-            )
+            replace(x, frame_a=round(picture(x.a, x.frame_a)), frame_b=picture(x.b, x.frame_b))
             for x in hints.anchors
         ),
         tuple(

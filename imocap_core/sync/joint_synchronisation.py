@@ -205,10 +205,7 @@ def _status(
 
 
 def _repetitions(
-    frames: Sequence[np.ndarray],
-    distances: DistanceMatrix,
-    reference: int,
-    fps: Sequence[float],
+    frames: Sequence[np.ndarray], distances: DistanceMatrix, reference: int, fps: Sequence[float]
 ) -> list[Repetition | None]:
     """Of every video, where it or the reference shows two cycles; fps: in the action's time."""
     out: list[Repetition | None] = []

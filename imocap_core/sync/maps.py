@@ -246,10 +246,7 @@ class BlockMaps:
 
     @classmethod
     def of(
-        cls,
-        matrix: Float[np.ndarray, "N_a N_a"],
-        blocks: Blocks,
-        negligible: float = NEGLIGIBLE,
+        cls, matrix: Float[np.ndarray, "N_a N_a"], blocks: Blocks, negligible: float = NEGLIGIBLE
     ) -> BlockMaps:
         """The blocks between different videos of a matrix of all frames, in single precision."""
         return cls(

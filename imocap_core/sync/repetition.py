@@ -258,11 +258,7 @@ def _check(poses: np.ndarray, fps: float, params: RepetitionParams) -> None:
     faults = []
     if poses.ndim != 3 or poses.shape[-1] != 3 or not len(poses):
         faults.append(f"poses: expected (T >= 1, J, 3), got {poses.shape}")
-    numbers = (
-        ("fps", fps),
-        ("match_level", params.match_level),
-        ("shortest_s", params.shortest_s),
-    )
+    numbers = (("fps", fps), ("match_level", params.match_level), ("shortest_s", params.shortest_s))
     faults += [f"{name}: expected > 0, got {value}" for name, value in numbers if not value > 0]
     if faults:
         raise ValueError("; ".join(faults))

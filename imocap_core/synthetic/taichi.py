@@ -271,9 +271,7 @@ def _projected(
 
 
 def _hidden(
-    camera: FilmCamera,
-    hands: Float[np.ndarray, "T 2 21 3"],
-    joints: Float[np.ndarray, "T 24 3"],
+    camera: FilmCamera, hands: Float[np.ndarray, "T 2 21 3"], joints: Float[np.ndarray, "T 24 3"]
 ) -> Bool[np.ndarray, "T 2"]:
     """Whether the middle of each hand is occluded by the trunk."""
     ends = [SMPL_JOINTS.index(name) for name in ("pelvis", "neck")]

@@ -5,12 +5,7 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from imocap_core.detect.workers.blazepose.boxes import (
-    CENTRE_SCALE,
-    PERSON,
-    SIDE_SCALE,
-    box_anchors,
-)
+from imocap_core.detect.workers.blazepose.boxes import CENTRE_SCALE, PERSON, SIDE_SCALE, box_anchors
 from imocap_core.detect.workers.blazepose.boxes import anchors as person_anchors
 from imocap_core.detect.workers.blazepose.landmarks import CENTRE, MARGIN, POINTS, RIM
 

@@ -41,9 +41,7 @@ def moving(state: MotionState, speed_m_s: Tensor) -> MotionState:
     way = torch.zeros_like(state.trans)
     way[..., 0] = speed_m_s[:, None] * seconds
     return replace(
-        state,
-        R_local=state.R_local[:, :1].expand_as(state.R_local),
-        trans=state.trans[:, :1] + way,
+        state, R_local=state.R_local[:, :1].expand_as(state.R_local), trans=state.trans[:, :1] + way
     )
 
 

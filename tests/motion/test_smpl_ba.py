@@ -21,16 +21,7 @@ from imocap_core.motion.posterior_noise import Noise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.params import MotionParams, UncertaintyParams
 from imocap_core.rotations import exp
-from tests.motion.made import (
-    FOCAL_PX,
-    FRAMES,
-    WEIGHTS,
-    K,
-    Made,
-    mpjpe_mm,
-    scene,
-    wide_prior,
-)
+from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
 
 OPTIONS = MotionParams(
     objective="shared",

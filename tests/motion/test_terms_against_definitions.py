@@ -19,15 +19,7 @@ from imocap_core.motion.terms.view import (
 )
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
-from tests.motion.test_terms import (
-    B,
-    T,
-    normal,
-    reprojection,
-    seen,
-    state,
-    with_rigid_offsets,
-)
+from tests.motion.test_terms import B, T, normal, reprojection, seen, state, with_rigid_offsets
 
 __all__ = ["state"]  # a fixture
 

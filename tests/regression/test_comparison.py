@@ -20,8 +20,7 @@ from tests.regression.measure import MADE, REAL
 LOWER = Watch("lower", tolerance_pct=10, tolerance_least=1, why="made up")
 HIGHER = Watch("higher", tolerance_pct=10, tolerance_least=0.02, why="made up")
 MADE_UP = Baseline(
-    {"error_mm": LOWER, "share": HIGHER},
-    {"walk": {"after loop": {"error_mm": 50.0, "share": 0.9}}},
+    {"error_mm": LOWER, "share": HIGHER}, {"walk": {"after loop": {"error_mm": 50.0, "share": 0.9}}}
 )
 AFTER_LOOP_ONLY = ("camera_rotation_error_deg", "sync_error_pct", "sync_error_frames")
 

@@ -53,12 +53,7 @@ from imocap_core.io.readers.mediapipe import (
     points_of_csv,
     read_mediapipe,
 )
-from imocap_core.io.readers.openpose import (
-    numbers_of,
-    people_in,
-    read_easymocap,
-    read_openpose,
-)
+from imocap_core.io.readers.openpose import numbers_of, people_in, read_easymocap, read_openpose
 from imocap_core.io.readers.people import (
     JSON_LINES,
     LAYOUT_OF_COUNT,

@@ -221,7 +221,7 @@ def fit_monocular(
         balance: bodies balance over their support, as no other video tells how far they lean.
     """
     owner = [v for v, of_video in enumerate(starts) for _ in of_video]
-    progress(f"{len(owner)} starts on every {stride}th frame")
+    progress(f"{len(owner)} starts on one frame of {stride}")
     coarse = [every(observations[v], stride) for v in owner]
     every_start = [start for of_video in starts for start in of_video]
     flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in every_start]

@@ -211,10 +211,7 @@ def _rescore(
 
 
 def best_path(
-    candidates: Candidates,
-    *,
-    step_m: float,
-    avoid: Sequence[Float[Tensor, "T 24 3"]] = (),
+    candidates: Candidates, *, step_m: float, avoid: Sequence[Float[Tensor, "T 24 3"]] = ()
 ) -> tuple[Int[Tensor, " T"], float]:
     """The candidate of each frame on the cheapest path, and the path's cost.
 

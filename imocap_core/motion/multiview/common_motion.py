@@ -100,10 +100,7 @@ class CommonViews:
 
 
 def views_of(
-    keypoints: CommonKeypoints,
-    cameras: Cameras,
-    template: Tensor,
-    unknowns: Unknowns = NO_UNKNOWNS,
+    keypoints: CommonKeypoints, cameras: Cameras, template: Tensor, unknowns: Unknowns = NO_UNKNOWNS
 ) -> tuple[View, ...]:
     """One view a video; template: gives dtype and device."""
     free, free_focal = list(unknowns.cameras), list(unknowns.videos)

@@ -131,9 +131,7 @@ def to_world(aligned: AlignedMotions, cameras: Cameras) -> AlignedMotions:
     R_local[:, :, 0] = R_world_from_cam[:, None] @ R_local[:, :, 0]
     centred = aligned.root - cameras.t[:, None]
     return replace(
-        aligned,
-        R_local=R_local,
-        root=torch.einsum("mij,mnj->mni", R_world_from_cam, centred),
+        aligned, R_local=R_local, root=torch.einsum("mij,mnj->mni", R_world_from_cam, centred)
     )
 
 
@@ -258,11 +256,7 @@ def refine_by_pnp(scene: Scene, motion: MotionState, cameras: Cameras) -> Camera
 
 
 def alternated(
-    scene: Scene,
-    state: MotionState,
-    cameras: Cameras,
-    options: MotionParams,
-    progress: Progress,
+    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, progress: Progress
 ) -> JointMotion:
     """Section 3.2, "Optimization": the alternations of Eq. 8."""
     costs = []

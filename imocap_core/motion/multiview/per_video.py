@@ -120,10 +120,7 @@ def coupling_terms(
 
 
 def position_coupling(
-    body: Body,
-    targets: CouplingTargets,
-    state: MotionState,
-    weight: Float[Tensor, "B T K"],
+    body: Body, targets: CouplingTargets, state: MotionState, weight: Float[Tensor, "B T K"]
 ) -> JointEvidence:
     """Positions of the limbs' keypoints and the nose, coupled to the target's after the best
     rotation and shift of each frame.

@@ -94,10 +94,7 @@ def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) 
     motions = [sample(x[: len(o.xy_px)], f[frames]).cpu().numpy() for x, o, f in rows]
     scale = keypoints.sigma_px[:, frames, None] ** 2
     return KeypointEvidence(
-        frames,
-        np.stack(motions),
-        keypoints.xy_px[:, frames],
-        keypoints.weight[:, frames] * scale,
+        frames, np.stack(motions), keypoints.xy_px[:, frames], keypoints.weight[:, frames] * scale
     )
 
 

@@ -156,10 +156,7 @@ def monotone_posterior(
 
 
 def banded_posterior(
-    cost: BandedMap,
-    *,
-    unmatched: float | Float[np.ndarray, " N"],
-    steps: StepPrior = ANY_STEP,
+    cost: BandedMap, *, unmatched: float | Float[np.ndarray, " N"], steps: StepPrior = ANY_STEP
 ) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
     """`monotone_posterior` over the warps within a band, which every frame must have."""
     N, _ = cost.shape
