@@ -279,7 +279,8 @@ def lost_frames(
     if not set(ends) <= set(names):
         return lost
     columns = [list(names).index(end) for end in ends]
-    trunk = (xy_px[:, columns[:2]] - xy_px[:, columns[2:]]) / size_px[:, None, None]
+    sides = (xy_px[:, columns[:2]] - xy_px[:, columns[2:]]) / size_px[:, None, None]
+    trunk = np.concatenate([sides, sides.mean(axis=1, keepdims=True)], axis=1)
     frames = np.flatnonzero(np.isfinite(trunk).all(axis=(1, 2)))
     if len(frames) < 2:
         return lost
