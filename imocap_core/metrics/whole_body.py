@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from imocap_core.alignment import similarity
 from imocap_core.body.kinematics import world_rotations
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
-from imocap_core.metrics.position import MM_PER_M, mean_joint_errors_mm
+from imocap_core.metrics.position import MM_PER_M, mean_joint_errors_mm, pa_mpjpe_mm
 
 
 def aligned_joint_errors_mm(
@@ -57,19 +57,10 @@ def vertex_distances_mm(
 
 
 def pa_pve_mm(predicted_m: Float[np.ndarray, "T V 3"], true_m: Float[np.ndarray, "T V 3"]) -> float:
-    """Per-vertex error after a similarity Procrustes alignment of each frame, in mm.
-
-    `pa_mpjpe_mm` of whole surfaces, a frame at a time, which stays in the processor's cache.
-    """
-    errors = []
-    for predicted, true in zip(predicted_m, true_m, strict=True):
-        x, y = (
-            vertices.T - vertices.T.mean(axis=1, keepdims=True) for vertices in (predicted, true)
-        )
-        U, singular, Vt = np.linalg.svd(y @ x.T)
-        sign = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
-        scale = (singular * sign).sum() / np.square(x).sum()
-        errors.append(_distances_mm(scale * (U * sign) @ Vt @ x, y).mean())
+    """Per-vertex error after a similarity Procrustes alignment of each frame, in mm: a frame at a
+    time, as surfaces of all of them exceed the processor's cache."""
+    frames = zip(predicted_m, true_m, strict=True)
+    errors = [pa_mpjpe_mm(predicted[None], true[None]) for predicted, true in frames]
     return float(np.mean(errors)) if errors else float("nan")
 
 

@@ -284,29 +284,37 @@ def lost_frames(
     frames = np.flatnonzero(np.isfinite(trunk).all(axis=(1, 2)))
     if len(frames) < 2:
         return lost
-    trunk, gap_s = trunk[frames], np.diff(frames) / fps
+    trunk, time_s = trunk[frames], frames / fps
     step = np.linalg.norm(np.diff(trunk, axis=0), axis=-1).min(axis=-1)
+    right = 0  # the trunk is right here, as far as it is judged
+    for last in _jumps(trunk, step, np.diff(time_s)):
+        if last < right:
+            continue
+        away = np.linalg.norm(trunk[last + 1 :] - trunk[last], axis=-1).max(axis=-1)
+        soon = time_s[last + 1 :] - time_s[last] <= LOST_S
+        back = np.flatnonzero((away <= BACK * step[last]) & soon)
+        begins = right == 0 and time_s[last] - time_s[0] < EDGE_S
+        if begins and not (len(back) and back[0] < last + 1):
+            lost[: frames[last + 1]] = True
+            right = last + 1
+        elif len(back):
+            right = last + 1 + int(back[0])
+            lost[frames[last] + 1 : frames[right]] = True
+        elif time_s[-1] - time_s[last + 1] < EDGE_S:
+            lost[frames[last] + 1 :] = True
+            break
+    return lost
+
+
+def _jumps(
+    trunk: Float[np.ndarray, "F 3 2"], step: Float[np.ndarray, " _"], gap_s: Float[np.ndarray, " _"]
+) -> list[int]:
+    """After which of F frames a trunk that lies across the view changes as no trunk does.
+
+    step: the change to the next frame, in sizes, gap_s later.
+    """
     usual = median_filter(step, 2 * AROUND + 1, mode="mirror")
     fast = np.maximum(TRUNK_PER_S * np.maximum(gap_s, 1 / 30), SUDDEN * usual)
     length = np.linalg.norm(trunk, axis=-1).min(axis=-1)
     across = np.maximum(length[:-1], length[1:]) > LONG
-    jumps = (step > fast) & (gap_s <= AT_ONCE_S) & across
-    right = 0  # rows from here on follow a right one
-    for last in map(int, np.flatnonzero(jumps)):
-        if last < right:
-            continue
-        near = np.linalg.norm(trunk[last + 1 :] - trunk[last], axis=-1).max(axis=-1)
-        soon = (frames[last + 1 :] - frames[last]) / fps <= LOST_S
-        back = np.flatnonzero((near <= BACK * step[last]) & soon)
-        away = int(back[0]) if len(back) else len(frames)  # rows till then
-        began = last + 1 - right
-        if right == 0 and began <= away and began <= EDGE_S * fps:
-            lost[: frames[last + 1]] = True
-            right = last + 1
-        elif len(back):
-            right = last + 1 + away
-            lost[frames[last] + 1 : frames[right]] = True
-        elif len(frames) - last - 1 <= EDGE_S * fps:
-            lost[frames[last] + 1 :] = True
-            break
-    return lost
+    return np.flatnonzero((step > fast) & (gap_s <= AT_ONCE_S) & across).tolist()

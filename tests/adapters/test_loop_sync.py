@@ -102,10 +102,19 @@ def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMo
     return beginning, sync, problem, motion
 
 
-def test_the_axis_stays_where_the_joint_motion_chooses_the_same_video(
-    made: Made, choose: Any
+@pytest.mark.parametrize("chosen", [0, 1])
+def test_the_axis_stays_on_the_same_video_and_where_single_motions_tell_another_cycle(
+    made: Made, choose: Any, monkeypatch: pytest.MonkeyPatch, chosen: int
 ) -> None:
-    choose(0)
+    choose(chosen)
+    again = LoopSync._of_monocular_motions
+
+    def a_cycle_off(loop: LoopSync, *given: Any) -> Sync:
+        *same, last = again(loop, *given).maps
+        last = last.model_copy(update={"reference_frame": last.reference_frame + 10})
+        return again(loop, *given).model_copy(update={"maps": [*same, last]})
+
+    monkeypatch.setattr(LoopSync, "_of_monocular_motions", a_cycle_off)
     beginning, sync, problem, motion = begun(made)
     assert not beginning.moved
     assert beginning.problem is problem
