@@ -106,33 +106,34 @@ def _open(page: Path) -> None:
         raise WorkFailed(f"no browser could be started; open {page} yourself")
 
 
+FileFormat = Literal[
+    "npz",
+    "amass",
+    "bvh",
+    "glb",
+    "fbx",
+    "usd",
+    "trc",
+    "csv",
+    "c3d",
+    "opensim",
+    "mcap",
+    "rrd",
+    "calib",
+]
+
+
 def export_command(
     context: typer.Context,
     action: ActionName,
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
-    format: Annotated[
-        Literal[
-            "npz",
-            "amass",
-            "bvh",
-            "glb",
-            "fbx",
-            "usd",
-            "trc",
-            "csv",
-            "c3d",
-            "opensim",
-            "mcap",
-            "calib",
-        ],
-        typer.Option(help="File format."),
-    ] = "npz",
+    format: Annotated[FileFormat, typer.Option(help="File format.")] = "npz",
     up: Annotated[
         Literal["y", "z"] | None,
         typer.Option(
             help="Align the world with the ground, this axis up (default: y for bvh, glb, fbx, "
-            "usd, trc and opensim, z for c3d, mcap, amass and calib; npz and csv keep the "
-            "reference camera's axes)."
+            "usd, trc and opensim, z for c3d, mcap, rrd, amass and calib; npz and csv keep "
+            "the reference camera's axes)."
         ),
     ] = None,
     time: Annotated[

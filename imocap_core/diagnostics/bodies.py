@@ -273,7 +273,7 @@ def body_findings(
             f"the body is {1000 * span.distance_m:.0f} mm a joint away from that of {others} at "
             "the same moment",
             "its body differs from the others",
-            "compare them with `imocap view`, and if the timing is wrong, "
+            "compare its frames with the others' in `imocap view`, and if the timing is wrong, "
             + forbidden_advice(video, first, last),
             first,
             last,

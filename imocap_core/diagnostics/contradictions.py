@@ -206,7 +206,7 @@ def prediction_findings(predicted: Sequence[PredictedVideo]) -> list[Finding]:
             f"only, {p.near_share:.0%} of them within 10 %: the timing, the pose in depth or the "
             "action differs",
             "the others do not predict it",
-            "compare them with `imocap view`",
+            "compare its frames with the others' in `imocap view`",
         )
         for p in sorted(bad, key=lambda p: -p.error_share)
     ]

@@ -22,7 +22,7 @@ from imocap_core.export.side_files import (
     write_cameras_and_sync,
     write_notes,
 )
-from imocap_core.export.view_file import write_mcap
+from imocap_core.export.view_file import write_mcap, write_rrd
 from imocap_core.files import draft_folder
 from imocap_core.io.writers.bvh import as_lafan1, write_bvh
 from imocap_core.io.writers.c3d import write_c3d
@@ -41,6 +41,7 @@ DEFAULT_UP = {
     "c3d": "z",
     "opensim": "y",
     "mcap": "z",
+    "rrd": "z",
     "amass": "z",
     "fbx": "y",
     "usd": "y",
@@ -212,6 +213,10 @@ def _mcap(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]
     return write_mcap(out, result)
 
 
+def _rrd(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return write_rrd(out, result)
+
+
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {
     "npz": _npz,
     "bvh": _bvh,
@@ -221,6 +226,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "c3d": _c3d,
     "opensim": _opensim,
     "mcap": _mcap,
+    "rrd": _rrd,
     "amass": _amass,
     "fbx": _fbx,
     "usd": _usd,

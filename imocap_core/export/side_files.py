@@ -166,6 +166,7 @@ UNITS = {
     "fbx": {"length": "centimetre", "angle": "degree (Euler, per node)"},
     "usd": {"length": "metre", "angle": "unit quaternion"},
     "calib": {"length": "metre", "angle": "radian (rotation vector)"},
+    "rrd": {"length": "metre"},
     "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "amass": {"length": "metre", "angle": "radian (axis-angle)"},
 }

@@ -300,7 +300,8 @@ WRITTEN = {
     "opensim": "a model of the performer, markers and angles",
     "csv": "joints, a row a frame",
     "calib": "the cameras, for Pose2Sim and OpenCV",
-    "mcap": "a file to look at in Foxglove and Rerun",
+    "mcap": "a file to look at in Foxglove",
+    "rrd": "a recording to look at in Rerun, laid out",
 }
 
 

@@ -23,7 +23,7 @@ from imocap_core.figures.sheets import (
 from imocap_core.figures.style import rgb_of
 from imocap_core.render import common_scale, draw_view, view_rotation
 from imocap_core.report.first_page import SureDifference
-from imocap_core.report.page_files import COLOURS, badge
+from imocap_core.report.page_files import COLOURS, badge, prose
 
 CARD = "card.html"
 _SHOWN = 3
@@ -73,7 +73,7 @@ def card_page(
     parts = [_section(k + 1, d, videos, refined, model) for k, d in enumerate(chosen)]
     reference = html.escape(refined.sync.reference)
     doubtful = verdict.level != "good" and len(verdict.summary) > 1
-    doubt = f"<p>{html.escape(verdict.summary[1])}</p>" if doubtful else ""
+    doubt = f"<p>{prose(verdict.summary[1])}</p>" if doubtful else ""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'

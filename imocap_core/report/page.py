@@ -12,7 +12,7 @@ from imocap_core.artifacts.schemas import Table
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.metrics.scoring import ALL_VIDEOS
 from imocap_core.report.first_page import ANGLES, FirstPage
-from imocap_core.report.page_files import COLOURS, LEVELS, badge, sentences
+from imocap_core.report.page_files import COLOURS, LEVELS, badge, prose, sentences
 from imocap_core.report.sections import Section
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, cell_text, column_title
 
@@ -115,7 +115,7 @@ dt:target { background: var(--target); }
 .first th, .first td { padding: .28rem .4rem; }
 .pair {
   display: grid; gap: 1.4rem;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 420px), 1fr));
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 500px), 1fr));
 }
 #technical { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: .8rem; }
 #technical > summary { font-size: 1.25rem; font-weight: 600; }
@@ -144,6 +144,7 @@ dt:target { background: var(--target); }
   nav a { display: inline-block; padding: .3rem 0; }
   th:first-child, td:first-child { left: -.9rem; padding-left: .9rem; }
   ul { padding-left: 1.2rem; }
+  .first th, .first td { padding: .3rem .2rem; white-space: normal; font-size: .85rem; }
 }
 """
 
@@ -270,7 +271,7 @@ def _angles_in_markdown(first: FirstPage) -> list[str]:
 
 def _details(verdict: Verdict) -> str:
     """All findings."""
-    findings = "".join(f"<li>{html.escape(f.sentence)}</li>" for f in verdict.findings)
+    findings = "".join(f"<li>{prose(f.sentence)}</li>" for f in verdict.findings)
     return f"<h2>{DETAILS}</h2>\n<ul>{findings}</ul>\n" if findings else ""
 
 

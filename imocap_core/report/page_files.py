@@ -170,9 +170,14 @@ def badge(verdict: Verdict | None) -> str:
     return f'<span class="level {verdict.level}">{LEVELS[verdict.level]}</span>'
 
 
+def prose(text: str) -> str:
+    """Markup of a sentence; what stands between backticks is a command."""
+    return re.sub("`(.+?)`", r"<code>\1</code>", html.escape(text))
+
+
 def sentences(verdict: Verdict | None) -> str:
     """The verdict's sentences in a block of its colour."""
     if verdict is None:
         return ""
-    summary = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in verdict.summary)
+    summary = "".join(f"<p>{prose(sentence)}</p>" for sentence in verdict.summary)
     return f'<div class="verdict {verdict.level}">{summary}</div>\n'

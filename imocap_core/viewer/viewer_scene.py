@@ -227,6 +227,9 @@ def _verdict_entry(result: ActionResult) -> dict[str, Any] | None:
         return None
     ids = [video.id for video in keypoints.videos]
 
+    def plain(sentence: str) -> str:  # commands stand between backticks
+        return sentence.replace("`", "")
+
     def entry(finding: Finding) -> dict[str, Any]:
         span: list[float | None] = [None, None]
         i = ids.index(finding.video) if finding.video in ids else -1
@@ -235,11 +238,11 @@ def _verdict_entry(result: ActionResult) -> dict[str, Any] | None:
             ends = [finding.first_frame, finding.last_frame or finding.first_frame]
             index = np.clip(np.searchsorted(keypoints.videos[i].frames, ends), 0, len(phase_s) - 1)
             span = phase_s[index].tolist()
-        text = {"sentence": finding.sentence, "serious": finding.serious}
+        text = {"sentence": plain(finding.sentence), "serious": finding.serious}
         return {"video": i, "first": span[0], "last": span[1], **text}
 
     findings = [entry(f) for f in verdict.findings]
-    return {"level": verdict.level, "summary": list(verdict.summary), "findings": findings}
+    return {"level": verdict.level, "summary": [*map(plain, verdict.summary)], "findings": findings}
 
 
 def _eye(

@@ -3,6 +3,9 @@
 import csv
 import json
 import os
+import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -52,8 +55,9 @@ def table(file: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
 NO_BLENDER = pytest.mark.skipif(
     "IMOCAP_BLENDER" not in os.environ, reason="IMOCAP_BLENDER names no interpreter with bpy"
 )
+NO_RERUN = pytest.mark.skipif(find_spec("rerun") is None, reason="rerun-sdk is not installed")
 FORMATS = [
-    pytest.param(f, marks=NO_BLENDER if f in OF_BLENDER else ())
+    pytest.param(f, marks=NO_BLENDER if f in OF_BLENDER else NO_RERUN if f == "rrd" else ())
     for f in sorted({*WRITERS} - {"calib"})  # of which a camera here, as it turns, is none
 ]
 
@@ -74,11 +78,31 @@ def test_every_format_writes_its_files_and_says_what_they_are(made, format, time
         "npz": "-y",
         "csv": "-y",
         "mcap": "z",
+        "rrd": "z",
         "c3d": "z",
         "amass": "z",
     }.get(format, "y")
     frames = [notes["videos"][v]["frames"] for v in LENGTHS]
     assert frames == ([31, 21] if time == "own" else [34, 34])
+
+
+def test_a_recording_for_rerun_says_what_to_install(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(WorkFailed, match=r"pip install 'imocap\[rerun\]'"):
+        made.export("rrd")
+
+
+@NO_RERUN
+def test_rerun_reads_bodies_and_cameras_of_every_video(made: Made) -> None:
+    made.export("rrd")
+    words = [sys.executable, "-m", "rerun", "rrd", "stats", str(made.out / "walk.rrd")]
+    stats = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    for video in LENGTHS:
+        assert all(f"/{video}/{part}" in stats for part in ("joints", "bones", "camera"))
+    for component in ("Pinhole:image_from_camera", "Transform3D:mat3x3", "Points2D:positions"):
+        assert component in stats
 
 
 def test_a_calibration_is_of_cameras_that_stand(made: Made) -> None:

@@ -363,10 +363,10 @@ def fit_in_stages(
     motion, costs, status, steps = start, list[float](), "", options.max_steps
     spread_m, starts = np.zeros(keypoints.weight.shape), [start]
     if restart:
-        progress(f"one motion for all views, robust scale {WIDE:g}x")
+        progress(f"common motion, robust scale {WIDE:g}x")
         starts.append(fit_common_motion(views, start, NO_UNKNOWNS, terms, steps)[0])
     for stage in ROBUST_STAGES if restart else ROBUST_STAGES[1:]:
-        progress(f"one motion for all views, robust scale {stage:g}x")
+        progress(f"common motion, robust scale {stage:g}x")
         views = replace(views, robust_scale=final * stage)
         weighted = with_keypoint_spread(views, motion, spread_m)
         fits = [fit_common_motion(weighted, begun, unknowns, terms, steps) for begun in starts]
