@@ -84,6 +84,19 @@ settings.register_profile("imocap", deadline=None, derandomize=True, max_example
 settings.load_profile("imocap")
 
 
+@pytest.hookimpl(optionalhook=True)  # without xdist nobody asks
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file's tests stay on one worker, and the library's files share its one small run."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class OneSmallRun(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = str(super()._split_scope(nodeid))
+            return "tests/library" if file.startswith("tests/library/") else file
+
+    return OneSmallRun(config, log)
+
+
 def pytest_configure() -> None:
     """One core for each of several workers: two threads of a solve would wait for one another."""
     if "PYTEST_XDIST_WORKER" in os.environ:

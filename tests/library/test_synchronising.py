@@ -43,7 +43,8 @@ def test_the_same_call_gives_the_same_answer() -> None:
     np.testing.assert_array_equal(one["v1"].phase_s, two["v1"].phase_s)
 
 
-def test_keypoints_as_arrays_and_as_files(two_videos: Made, tmp_path: Path) -> None:
+def test_keypoints_as_arrays_and_as_files(two_videos, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     columns = list(two_videos.model.points("body25").columns)
     arrays = []
     for video in two_videos.keypoints.videos:
@@ -52,15 +53,13 @@ def test_keypoints_as_arrays_and_as_files(two_videos: Made, tmp_path: Path) -> N
         points[:, columns, 2] = 0.9
         arrays.append(points)
     of_arrays = imocap.synchronise(arrays, fps=FPS, layout="body25", size=SIZE, params=FAST)
+    assert not (tmp_path / "artifacts").exists()
     folders = [openpose(tmp_path / f"v{v + 1}", two_videos, v) for v in range(2)]
-    of_files = imocap.synchronise(folders, fps=FPS, size=SIZE, params=FAST)
+    of_files = imocap.synchronise(folders, fps=FPS, size=SIZE, params=FAST, root=tmp_path)
+    assert (tmp_path / "artifacts").is_dir()
     assert of_arrays.ids == of_files.ids == ("v1", "v2")
     for name in of_arrays.ids:
         np.testing.assert_allclose(of_arrays[name].phase_s, of_files[name].phase_s, atol=0.2)
-    assert not (tmp_path / "artifacts").exists()
-    stored = imocap.synchronise(folders, fps=FPS, size=SIZE, params=FAST, root=tmp_path)
-    np.testing.assert_array_equal(stored["v1"].phase_s, of_files["v1"].phase_s)
-    assert (tmp_path / "artifacts").is_dir()
 
 
 J = waving(np.arange(10.0))
