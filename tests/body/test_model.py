@@ -82,35 +82,6 @@ def test_leading_axes_broadcast(pose_blend: bool, betas_leading: tuple[int, ...]
 
 
 @pytest.mark.parametrize("pose_blend", [False, True])
-def test_derivatives_equal_finite_differences(pose_blend: bool) -> None:
-    rng = np.random.default_rng(2)
-    model = made_body(rng, pose_blend=pose_blend)
-    points = points_of(model)
-    theta, transl = pose_of(rng)
-    rotations, betas = exp(theta), torch.as_tensor(rng.normal(size=10))
-    _, d_pose, d_shape = keypoints_with_jacobian(model.shape(betas), points, rotations, transl)
-
-    def place(delta: torch.Tensor, shift: torch.Tensor) -> torch.Tensor:
-        moved = rotations @ exp(delta.view(7, 3))
-        return model.shape(betas + shift).pose(moved, transl).keypoints(points)
-
-    def difference(column: int, pose: bool) -> torch.Tensor:
-        step = torch.zeros(21 if pose else 10, dtype=torch.float64)
-        step[column] = 1e-6
-        still = torch.zeros(10 if pose else 21, dtype=torch.float64)
-        ahead = place(step, still) if pose else place(still, step)
-        behind = place(-step, still) if pose else place(still, -step)
-        return (ahead - behind) / 2e-6
-
-    for column in range(21):
-        torch.testing.assert_close(d_pose[..., column], difference(column, True), atol=1e-8, rtol=0)
-    for column in range(10):
-        torch.testing.assert_close(
-            d_shape[..., column], difference(column, False), atol=1e-8, rtol=0
-        )
-
-
-@pytest.mark.parametrize("pose_blend", [False, True])
 def test_derivatives_equal_automatic_ones_in_axis_angle(pose_blend: bool) -> None:
     rng = np.random.default_rng(3)
     model = made_body(rng, pose_blend=pose_blend)

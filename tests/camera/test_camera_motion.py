@@ -15,7 +15,7 @@ from imocap_core.camera.background import (
     rescaled,
     track_background,
 )
-from imocap_core.camera.camera_motion import estimate_camera_motion, static_camera
+from imocap_core.camera.camera_motion import estimate_camera_motion
 from imocap_core.camera.projection import intrinsics, warp
 
 SIZE, FOCAL = (320, 180), 280.0
@@ -170,14 +170,6 @@ def test_one_frame_is_a_clip():
     estimate, matches = look(*turning_clip(np.eye(3)[None]))
     assert len(matches) == 1
     assert estimate.motion == "static"
-
-
-def test_without_a_video_the_camera_is_unknown_and_still():
-    estimate = static_camera(7, SIZE, None, 1.2)
-    assert estimate.motion == "unknown"
-    assert estimate.focal_source == "assumed"
-    assert estimate.K[0, 0] == pytest.approx(1.2 * 320)
-    assert static_camera(7, SIZE, 500.0, 1.2).focal_source == "given"
 
 
 def test_smaller_pictures_give_the_same_answer_in_full_pixels():

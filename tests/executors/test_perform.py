@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -142,20 +141,6 @@ def test_a_worker_that_is_killed_is_replaced_and_its_task_tried_again(tmp_path: 
     assert ends["d"].state == "done"
     assert ends["d"].attempts == 2
     assert all(ends[f"a{i}"].state == "done" for i in range(3))
-
-
-@needs_proc
-def test_a_task_that_kills_every_worker_fails_with_a_sentence(tmp_path: Path) -> None:
-    task = Task("d", os_kill, ())
-    with worker_processes(1) as executor:
-        (end,) = perform([task], executor, retries=1)
-    assert (end.state, end.attempts) == ("failed", 2)
-    assert "SIGKILL, as the system does when memory runs out" in end.fault
-    assert end.fault.endswith("(tried 2 times)")
-
-
-def os_kill(report: Report) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def fill_memory(report: Report) -> int:

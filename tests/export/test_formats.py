@@ -172,13 +172,6 @@ def test_who_has_no_place_on_the_axis_is_left_out_and_named(made: Made) -> None:
     assert len(made.export("bvh", time="own").files) == 5
 
 
-def test_without_an_axis_there_is_no_common_timeline(made: Made) -> None:
-    made.publish("refine_sync", refined(None))
-    with pytest.raises(WorkFailed, match="walk has no common time axis"):
-        made.export("trc", time="common")
-    made.export("trc")
-
-
 @pytest.mark.parametrize("time", ["own", "common"])
 def test_a_view_file_shows_the_frames_of_its_moments(made: Made, time: Time) -> None:
     """Every frame of the clip has a grey of its own."""
@@ -213,13 +206,6 @@ def test_a_view_files_camera_zooms(made: Made) -> None:
     assert lenses[-1].K[0] / lenses[0].K[0] == pytest.approx(1.5)
     assert lenses[0].K[0] == pytest.approx(600 * 480 / 640)
     assert (lenses[0].width, lenses[0].height) == (480, 270)
-
-
-def test_wrong_wishes(made: Made) -> None:
-    with pytest.raises(WrongUse, match="a GLB file is y up"):
-        made.export("glb", up="z")
-    with pytest.raises(WrongUse, match=r"--format: expected one of npz, bvh, glb.*got dae"):
-        made.export("dae")
 
 
 def test_a_body_of_another_version_is_said(made: Made) -> None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS, SMPLX_JOINTS
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WrongUse
 from imocap_core.io.readers.joint_estimators import read_joints_npz
 from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.io.truth import read_truth
@@ -107,14 +107,6 @@ def test_our_shape_reaches_no_other_body(made: Made) -> None:
     assert "imocap_betas" in json.loads((made.out / "export_amass.json").read_text())["betas"]
 
 
-def test_readers_of_amass_refuse_plain_npz_as_it_has_no_gender(tmp_path: Path) -> None:
-    made = made_result(tmp_path)
-    made.export("npz")
-    with np.load(made.out / "a.npz") as ours:
-        assert "gender" not in ours.files
-        np.testing.assert_array_equal(ours["betas"], BETAS)
-
-
 def test_the_pose_through_our_body_gives_the_joints_z_up(made: Made) -> None:
     data = arrays(made, "b")
     model = load_free_body(hands=True)
@@ -128,16 +120,6 @@ def test_our_own_reader_takes_it(made: Made) -> None:
     read = read_smpl_npz(made.out / "b_poses.npz", np.arange(100, 121))
     assert read.theta.shape == (21, 72)
     assert not read.betas.any()
-
-
-def test_beside_npz_each_has_its_name_and_shared_names_are_refused(tmp_path: Path) -> None:
-    made = made_result(tmp_path)
-    made.export("npz")
-    cameras = (made.out / "cameras.json").read_bytes()
-    with pytest.raises(WorkFailed, match=r"cameras\.json belongs to export_npz\.json"):
-        made.export("amass")  # its cameras have other axes
-    assert (made.out / "cameras.json").read_bytes() == cameras
-    assert not list(made.out.glob("*_*.npz"))
 
 
 def test_y_up_is_refused(made: Made) -> None:

@@ -22,7 +22,6 @@ from tests.pipeline.made_result import (
     LENGTHS,
     PHASES,
     Made,
-    keypoints,
     made_result,
     motion,
     refined,
@@ -246,17 +245,6 @@ def test_uncertainty_is_in_world_axes(made: Made) -> None:
     R = video.camera.R
     back = R @ video.covariance_mm2 @ R.T
     np.testing.assert_allclose(back, covariances["b"], atol=1e-4)
-
-
-def test_artifacts_of_other_frames_are_refused(made: Made) -> None:
-    from imocap_core.artifacts.schemas import Keypoints
-
-    short = [keypoints("a"), keypoints("b").model_copy(update={"frames": np.arange(21)})]
-    made.publish("keypoints", Keypoints(videos=short))
-    with pytest.raises(
-        imocap.WorkFailed, match=r"different frames \(keypoints of b\); run it with: imocap run"
-    ):
-        made.result()
 
 
 def test_without_a_common_axis_it_is_said(made: Made) -> None:

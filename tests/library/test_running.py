@@ -1,9 +1,6 @@
 """run, load and what they say: the same sentences as the command line's, as exceptions."""
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
@@ -32,35 +29,6 @@ def test_a_run_reports_every_stage(small_run: SmallRun) -> None:
     made = [stage for stage, share, what in small_run.reports if (share, what) == (1.0, "made")]
     assert made[:7] == stages
     assert all(0 <= share <= 1 for _, share, _ in small_run.reports)
-
-
-SCRIPT = """
-import sys
-import imocap
-
-print("begun")
-result = imocap.run("serve", root=sys.argv[1])
-(end,) = imocap.run_all(["serve"], root=sys.argv[1], executor=imocap.ExecutorChoice(workers=1))
-print(*result.ids, end.state)
-"""
-
-
-@pytest.mark.long
-def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_path: Path) -> None:
-    """As a file and from the standard input, both at once."""
-    (tmp_path / "script.py").write_text(SCRIPT)
-    started = [
-        subprocess.Popen(
-            [sys.executable, *words, str(small_run.root)],
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, cwd=tmp_path,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )
-        for words in (["script.py"], ["-"])
-    ]  # fmt: skip
-    for process in started:
-        out, err = process.communicate(SCRIPT, timeout=500)
-        assert out.splitlines() == ["begun", "v1 v2 done"], err
-        assert "Traceback" not in err
 
 
 def test_load_gives_what_run_gave(small_run: SmallRun) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 import imocap
 from tests.library.conftest import QUICK, openpose
-from tests.report.made import FPS, SIZE, Made
+from tests.report.made import FPS, SIZE
 
 FAST: dict[str, Any] = {"initial_smpl": QUICK["initial_smpl"]}
 

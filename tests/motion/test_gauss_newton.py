@@ -99,15 +99,6 @@ def test_the_number_of_cores_changes_nothing(
     assert found[0].costs == found[1].costs
 
 
-def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
-    terms = terms_of(made, made.state)
-    start = disturbed(made.state, 0.1)
-    slow = adam(terms, start, max_steps=40)
-    quick = gauss_newton(terms, start, max_steps=8)
-    assert quick.costs[-1] < min(slow.costs) < 0.7 * slow.costs[0]
-    assert float(objective(terms, slow.state).sum()) == pytest.approx(min(slow.costs))
-
-
 def mean_angle(a: torch.Tensor, b: torch.Tensor) -> float:
     return float(geodesic_angle(a, b).mean())
 

@@ -360,26 +360,6 @@ def test_the_four_hinges_cost_what_extension_beyond_the_slack_costs() -> None:
     assert torch.equal(HingeLimits(weight).cost(state), weight * torch.stack(expected).sum(0))
 
 
-def differences(term: Term, state: MotionState) -> torch.Tensor:
-    """(B, T, n) central differences of the cost."""
-    B, T = state.valid.shape
-    step, slopes = 1e-6, torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64)
-    nothing = torch.zeros(B, state.unknown_globals, dtype=torch.float64)
-    for t in range(T):
-        for k in range(72):
-            move = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64)
-            move[:, t, k] = step
-            ends = (term.cost(state.retract(sign * move, nothing)) for sign in (1, -1))
-            slopes[:, t, k] = torch.sub(*ends) / (2 * step)
-    return slopes
-
-
-def test_the_gradient_is_that_of_finite_differences() -> None:
-    state, term = violated(2), HingeLimits(3.0)
-    gradient = 2 * linearise([term], state).gradient
-    assert float((gradient - differences(term, state)).abs().max()) < 1e-6
-
-
 def test_nothing_acts_within_the_ranges() -> None:
     theta = torch.zeros(1, 2, 24, 3, dtype=torch.float64)
     state = state_of(theta)
