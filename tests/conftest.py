@@ -61,7 +61,6 @@ LONG = (
     "sync/test_rate.py",
     "sync/test_anchors.py",
     "stages/test_walking_camera.py",
-    "chaos",
     "collect/test_listing.py",
     "cli/test_sync_command.py",
     "cli/test_run_all_apart.py",

@@ -14,7 +14,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
 import yaml
 
 from imocap_core.artifacts.store import Store
@@ -28,16 +27,27 @@ QUICK = {
     "initial_smpl.library_directions": 12,
     "initial_smpl.starts": 1,
     "initial_smpl.max_steps": 2,
+    "initial_smpl.hypotheses": 1,
     "sync.consensus_rounds": 1,
     "motion.rounds": 1,
     "motion.max_steps": 2,
     "refine.max_rounds": 1,
-    "evaluate.figures": "false",
+    "evaluate.figures": False,
 }
-SETS = [word for path, value in QUICK.items() for word in ("--set", f"{path}={value}")]
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 STAGES = list(read_pipeline(PROJECT / "pipeline.yaml").stages)
 STAYS = (".lock", ".cache", ".used", ".made.json")  # hidden files and folders that belong there
+
+
+def quick() -> list[tuple[str, str, object]]:
+    """Groups of parameters, names in them, and values with which a made action is quick."""
+    return [(*path.split("."), value) for path, value in QUICK.items()]
+
+
+def sets(start: str = "") -> list[str]:
+    """The same as words of the command line; of the paths that start so."""
+    every = ((path, json.dumps(value)) for path, value in QUICK.items() if path.startswith(start))
+    return [word for path, value in every for word in ("--set", f"{path}={value}")]
 
 
 Part = dict[str, object]  # of the record
@@ -61,24 +71,22 @@ class SmallAction:
     def make(cls, root: Path) -> SmallAction:
         """Write the action, and run it."""
         made = Made(count=2, frames=16)
-        columns = list(made.model.points("body25").columns)
         folder = root / "actions" / NAME
         videos = []
-        for video in made.keypoints.videos:
-            (folder / video.id).mkdir(parents=True)
-            for frame, xy in enumerate(video.xy_px):
-                person = np.zeros((25, 3))
-                person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
-                people = [{"pose_keypoints_2d": person.ravel().tolist()}]
-                file = folder / video.id / f"c_{frame:06d}_keypoints.json"
-                file.write_text(json.dumps({"people": people}))
+        for v, name in enumerate(made.ids):
+            made.write_openpose(folder / name, v)
             fields = {"format": "openpose", "layout": "body25", "fps": FPS, "size": list(SIZE)}
-            videos.append({"id": video.id, "keypoints": video.id, **fields})
+            videos.append({"id": name, "keypoints": name, **fields})
         (folder / "action.yaml").write_text(yaml.safe_dump({"name": NAME, "videos": videos}))
+        cls(root).finish("run")
+        return cls.of(root)
+
+    @classmethod
+    def of(cls, root: Path) -> SmallAction:
+        """The action of a working folder in which it has been run undisturbed."""
         action = cls(root)
-        action.finish("run")
         action.expected.update(action.results())
-        action.inputs.update(digests_below(folder))
+        action.inputs.update(digests_below(root / "actions" / NAME))
         assert len(action.expected) == len(STAGES)
         return action
 
@@ -106,7 +114,7 @@ class SmallAction:
         line = [sys.executable, "-m", program, "--root", str(self.root), *command.split(), name]
         environment = {**os.environ, **dict.fromkeys(THREADS, str(threads)), **faults}
         return subprocess.Popen(
-            [*line, *words, *SETS],
+            [*line, *words, *sets()],
             cwd=PROJECT,
             env=environment,
             stdout=subprocess.DEVNULL,

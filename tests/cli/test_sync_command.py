@@ -14,34 +14,14 @@ from imocap_core.io.video import probe, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.sync.repetition import Repetitions
 from imocap_core.sync_sources import labels, read_size, sources_of
+from tests.chaos.small_action import sets
 from tests.io import made_keypoints
 from tests.report.made import FPS, SIZE, Made
 
 Capture = pytest.CaptureFixture[str]
 
-QUICK = [
-    word
-    for setting in (
-        *("library_poses=60", "library_directions=12", "starts=1", "max_steps=2"),
-        "hypotheses=1",
-    )
-    for word in ("--set", f"initial_smpl.{setting}")
-]
+QUICK = sets("initial_smpl")
 FORMAT = ["--fps", str(FPS), "--size", f"{SIZE[0]}x{SIZE[1]}"]
-
-
-def _keypoints(folder: Path, made: Made, v: int, frames: int | None = None) -> Path:
-    """What OpenPose would write of a made video."""
-    folder.mkdir(parents=True)
-    video = made.keypoints.videos[v]
-    columns = list(made.model.points("body25").columns)
-    for n, xy in enumerate(video.xy_px[:frames]):
-        person = np.zeros((25, 3))
-        person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
-        (folder / f"c_{n:06d}_keypoints.json").write_text(
-            json.dumps({"people": [{"pose_keypoints_2d": person.ravel().tolist()}]})
-        )
-    return folder
 
 
 def _video(file: Path, frames: int) -> Path:
@@ -68,7 +48,7 @@ def _rows(file: Path) -> list[dict[str, str]]:
 
 
 def test_keypoints_alone_give_a_table_and_a_picture(run, made, tmp_path, capsys):
-    folders = [_keypoints(tmp_path / "in" / name, made, v) for v, name in enumerate(("a", "b"))]
+    folders = [made.write_openpose(tmp_path / "in" / name, v) for v, name in enumerate(("a", "b"))]
     out = tmp_path / "out"
     assert run(*folders, *FORMAT, *QUICK, "--out", out, "--name", "try", "--reference", "b") == 0
     message = capsys.readouterr().out
@@ -96,9 +76,9 @@ def test_keypoints_alone_give_a_table_and_a_picture(run, made, tmp_path, capsys)
 
 def test_videos_with_keypoints_give_a_film_too(run, made, tmp_path, capsys):
     clip = _video(tmp_path / "in" / "a.mp4", 24)
-    _keypoints(tmp_path / "in" / "a_keypoints", made, 0)
+    made.write_openpose(tmp_path / "in" / "a_keypoints", 0)
     other = _video(tmp_path / "in" / "b.mp4", 24)
-    beside = _keypoints(tmp_path / "elsewhere", made, 1)
+    beside = made.write_openpose(tmp_path / "elsewhere", 1)
     fine = [*QUICK, "--set", "initial_smpl.max_steps=8"]  # two poor fits have no common time
     assert run(clip, f"{other}:{beside}", *fine, "--name", "try") == 0
     out = tmp_path / "artifacts" / "try" / "sync"
@@ -136,7 +116,7 @@ def test_videos_with_keypoints_give_a_film_too(run, made, tmp_path, capsys):
 )
 def test_wrong_use(run, made, tmp_path, capsys, words, message):
     for v, name in enumerate(("a", "b")):
-        _keypoints(tmp_path / "in" / name, made, v, frames=3)
+        made.write_openpose(tmp_path / "in" / name, v, frames=3)
     (tmp_path / "in" / "a.mp4").write_bytes(b"")
     (tmp_path / "actions" / "mine").mkdir(parents=True)
     assert run(*(word.replace("{in}", str(tmp_path / "in")) for word in words)) == 2
@@ -168,7 +148,7 @@ def test_keypoints_are_found_where_people_put_them(made: Made, tmp_path: Path) -
         clip = tmp_path / str(n) / "videos" / "c.mp4"
         clip.parent.mkdir(parents=True)
         clip.write_bytes(b"")
-        folder = _keypoints(clip.parent / place, made, 0, frames=1)
+        folder = made.write_openpose(clip.parent / place, 0, frames=1)
         (source,) = sources_of([str(clip)])
         assert source.keypoints.resolve() == folder.resolve()
         assert labels([source]) == ["c"]
@@ -200,7 +180,7 @@ def test_files_of_other_detectors_are_synchronised(run, made: Made, tmp_path: Pa
 
 
 def test_a_clip_without_repetitions_is_not_cut(run, made, tmp_path, capsys):
-    clip = _keypoints(tmp_path / "in" / "long", made, 0)
+    clip = made.write_openpose(tmp_path / "in" / "long", 0)
     assert run(clip, *FORMAT, *QUICK, "--repetitions") == 1
     message = capsys.readouterr().err
     assert "long: no repetitions: " in message
@@ -214,7 +194,7 @@ def test_repetitions_enter_as_videos_of_the_same_file(run, made, tmp_path, capsy
         "imocap_core.sync.repetition.find_repetitions", lambda *_, **__: repetitions
     )
     clip = _video(tmp_path / "in" / "long.mp4", 24)
-    _keypoints(tmp_path / "in" / "long", made, 0)
+    made.write_openpose(tmp_path / "in" / "long", 0)
     assert run(clip, *QUICK, "--repetitions", "--name", "try") == 0
     assert "long: 2 repetitions" in capsys.readouterr().out
     folder = tmp_path / "artifacts" / "try-repetitions"
@@ -236,7 +216,7 @@ def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
         "imocap_core.sync.repetition.find_repetitions", lambda *_, **__: repetitions
     )
     for name in ("long", "other"):
-        _keypoints(tmp_path / "in" / name, made, 0)
+        made.write_openpose(tmp_path / "in" / name, 0)
     declared = {"format": "openpose", "layout": "body25", "fps": 30.0, "size": [640, 360]}
     action = {
         "name": "serves",

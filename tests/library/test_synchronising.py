@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import imocap
-from tests.library.conftest import QUICK, openpose
+from tests.chaos.small_action import quick
 from tests.report.made import FPS, SIZE
 
-FAST: dict[str, Any] = {"initial_smpl": QUICK["initial_smpl"]}
+FAST = {f"{group}.{name}": value for group, name, value in quick() if group == "initial_smpl"}
 
 
 def waving(frames: np.ndarray) -> np.ndarray:
@@ -54,7 +54,7 @@ def test_keypoints_as_arrays_and_as_files(two_videos, tmp_path, monkeypatch):
         arrays.append(points)
     of_arrays = imocap.synchronise(arrays, fps=FPS, layout="body25", size=SIZE, params=FAST)
     assert not (tmp_path / "artifacts").exists()
-    folders = [openpose(tmp_path / f"v{v + 1}", two_videos, v) for v in range(2)]
+    folders = [two_videos.write_openpose(tmp_path / f"v{v + 1}", v) for v in range(2)]
     of_files = imocap.synchronise(folders, fps=FPS, size=SIZE, params=FAST, root=tmp_path)
     assert (tmp_path / "artifacts").is_dir()
     assert of_arrays.ids == of_files.ids == ("v1", "v2")

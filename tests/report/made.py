@@ -1,5 +1,6 @@
 """A small made scene as artifacts: a body that waves its limbs before two or more cameras."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +107,17 @@ class Made:
             }
         model = model_text(self.model.name, self.model.digest)
         np.savez(path, phase_end=float(self.frames[-1][-1]), model=model, **arrays)
+
+    def write_openpose(self, folder: Path, v: int, frames: int | None = None) -> Path:
+        """What OpenPose would write of a video, or of its first frames."""
+        folder.mkdir(parents=True)
+        columns = list(self.model.points(LAYOUT).columns)
+        for n, xy in enumerate(self.keypoints.videos[v].xy_px[:frames]):
+            person = np.zeros((25, 3))
+            person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
+            people = [{"pose_keypoints_2d": person.ravel().tolist()}]
+            (folder / f"c_{n:06d}_keypoints.json").write_text(json.dumps({"people": people}))
+        return folder
 
     def _turned(self, angle: float) -> np.ndarray:
         return rotations.exp(torch.tensor([0.0, angle, 0.0], dtype=torch.float64)).numpy()
