@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from imocap_core.collect.listing import CollectedList, ListedFilm
+    from imocap_core.collect.listing import ListedFilm
     from imocap_core.library.api_errors import Progress
     from imocap_core.library.cleaning import Cleaning
     from imocap_core.library.new_action import CollectedAction
@@ -130,7 +130,11 @@ def _print(console: Console, name: str, done: CollectedAction) -> None:
         console.print(escape(remark))
     for film in listing.films:
         console.print(_table(film))
-    console.print(escape(_template_sentence(listing)))
+    template = listing.template
+    what = "the example" if template.given else "the movement that is repeated most"
+    first, last = template.seconds
+    name_of_video = Path(template.video).name
+    console.print(escape(f"Looked for {what}: {name_of_video}, {first:.2f} to {last:.2f} s"))
     chosen = listing.chosen
     console.print(f"{len(listing.occurrences)} occurrences, {len(chosen)} of them videos")
     if done.action_file is None:
@@ -156,13 +160,6 @@ def _table(film: ListedFilm) -> Table:
             str(shot.number), first, last, shot.begins, str(shot.people), f"[{style}]{what}[/]"
         )
     return table
-
-
-def _template_sentence(listing: CollectedList) -> str:
-    template = listing.template
-    what = "the example" if template.given else "the movement that is repeated most"
-    first, last = template.seconds
-    return f"Looked for {what}: {Path(template.video).name}, {first:.2f} to {last:.2f} s"
 
 
 def pick_command(
@@ -386,8 +383,8 @@ def clean_command(
         console.print(_cache_table(cleaning))
     verb = "Would remove" if dry_run else "Removed"
     console.print(
-        f"{verb} {_count(cleaning.removed, 'result')} ({size_text(cleaning.removed_bytes)}) and "
-        f"{_count(cleaning.leftovers, 'leftover')} ({size_text(cleaning.leftover_bytes)})."
+        f"{verb} {counted(cleaning.removed, 'result')} ({size_text(cleaning.removed_bytes)}) and "
+        f"{counted(cleaning.leftovers, 'leftover')} ({size_text(cleaning.leftover_bytes)})."
     )
     if older is None and max_bytes is None:
         console.print("To remove results, give --older DAYS or --max-size SIZE.")
@@ -402,10 +399,6 @@ def size_text(size_bytes: int) -> str:
     while value >= 999.5 and len(units) > 1:
         value, units = value / 1000, units[1:]
     return f"{value:.0f} {units[0]}" if units[0] == "B" else f"{value:.1f} {units[0]}"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
 def _cache_table(cleaning: Cleaning) -> Table:

@@ -53,29 +53,32 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("init")(init_command)
-app.command("collect")(collect_command)
-app.command("pick")(pick_command)
-app.command("run")(run_command)
-app.command("run-all")(run_all_command)
-app.command("view")(view_command)
-app.command("export")(export_command)
-app.command("angles")(angles_command)
-app.command("video")(video_command)
-app.command("report")(report_command)
-app.command("compare")(compare_command)
-app.command("sync")(sync_command)
-app.command("status")(status_command)
-app.command("list")(list_command)
-app.command("explain")(explain_command)
-app.command("stage")(stage_command)
-app.command("detect")(detect_command)
-app.command("people")(people_command)
-app.command("params")(params_command)
-app.command("formats")(formats_command)
-app.command("push")(push_command)
-app.command("pull")(pull_command)
-app.command("clean")(clean_command)
+for _command in (
+    init_command,
+    collect_command,
+    pick_command,
+    run_command,
+    run_all_command,
+    view_command,
+    export_command,
+    angles_command,
+    video_command,
+    report_command,
+    compare_command,
+    sync_command,
+    status_command,
+    list_command,
+    explain_command,
+    stage_command,
+    detect_command,
+    people_command,
+    params_command,
+    formats_command,
+    push_command,
+    pull_command,
+    clean_command,
+):
+    app.command(_command.__name__.removesuffix("_command").replace("_", "-"))(_command)
 add_benchmarks(app)
 app.command("doctor")(doctor_command)
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from imocap_core.library.doctor import Check
-    from imocap_core.library.status import Parameter
 
 
 def group_names(incomplete: str) -> list[str]:
@@ -49,13 +48,10 @@ def params_command(
         return
     width = min(shutil.get_terminal_size().columns, 100)
     for row in rows:
-        typer.echo(f"{row.group}.{row.name} = {_yaml(row.value)}  ({_facts(row)})")
+        default = [] if row.value == row.default else [f"default {_yaml(row.default)}"]
+        facts = "; ".join([part for part in (row.unit, row.bounds) if part] + default)
+        typer.echo(f"{row.group}.{row.name} = {_yaml(row.value)}  ({facts})")
         typer.echo(textwrap.fill(row.doc, width, initial_indent="    ", subsequent_indent="    "))
-
-
-def _facts(row: Parameter) -> str:
-    default = [] if row.value == row.default else [f"default {_yaml(row.default)}"]
-    return "; ".join([part for part in (row.unit, row.bounds) if part] + default)
 
 
 def _yaml(value: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import webbrowser
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -85,8 +86,8 @@ def view_command(
         how = size if viewer.written else f"{size}, already up to date"
         console.print(f"The viewer of {name} is {escape(str(viewer.file))} ({how}){hint}.")
     page = viewer.file or viewer.report
-    if open_page and page is not None:
-        _open(page)
+    if open_page and page is not None and not webbrowser.open(page.resolve().as_uri()):
+        raise WorkFailed(f"no browser could be started; open {page} yourself")
 
 
 def _serve(action: str, root: Path, sets: list[str], open_page: bool) -> None:
@@ -97,13 +98,6 @@ def _serve(action: str, root: Path, sets: list[str], open_page: bool) -> None:
         console.print(f"Follow {action} at {served.address}")
         console.print("The address is for you alone. Ctrl-C ends it.")
         wait_until_done(served, open_page)
-
-
-def _open(page: Path) -> None:
-    import webbrowser
-
-    if not webbrowser.open(page.resolve().as_uri()):
-        raise WorkFailed(f"no browser could be started; open {page} yourself")
 
 
 FileFormat = Literal[

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from imocap_core.library.api_errors import Progress
     from imocap_core.library.run_all import ActionEnd
     from imocap_core.library.running import Run
-    from imocap_core.library.status import Explanation
 
 
 Force = Annotated[bool, typer.Option("--force", help="Run cached stages too.")]
@@ -330,39 +329,26 @@ def explain_command(
     from imocap_core.library.status import explain
 
     explanation = explain(action, stage, root=root_of(context), params=sets)
+    status, recipe = explanation.status, explanation.recipe
     if as_json:
-        print_json({"action": action, "stage": stage} | _document(explanation))
-    else:
-        _print(stage, explanation)
-
-
-def _document(explanation: Explanation) -> dict[str, object]:
-    recipe = explanation.recipe
-    parts: dict[str, object] = {
-        "state": explanation.status.state,
-        "why": explanation.status.why,
-        "missing": explanation.missing,
-    }
-    if recipe is not None:
-        parts |= {
-            "key": recipe.key,
-            "seed": recipe.seed,
-            "inputs": recipe.inputs,
-            "reads": recipe.reads,
-            "code": recipe.code,
-            "params": recipe.params,
+        document: dict[str, Any] = {
+            "action": action,
+            "stage": stage,
+            "state": status.state,
+            "why": status.why,
         }
-    return parts
-
-
-def _print(stage: str, explanation: Explanation) -> None:
+        document["missing"] = explanation.missing
+        if recipe is not None:
+            fields = ("key", "seed", "inputs", "reads", "code", "params")
+            document |= {field: getattr(recipe, field) for field in fields}
+        print_json(document)
+        return
     console = speaker(markup=False)
-    console.print(f"{stage}: {explanation.status.state}")
-    recipe = explanation.recipe
+    console.print(f"{stage}: {status.state}")
     if recipe is None:
         console.print(f"  after {', '.join(explanation.missing)}")
         return
-    for why in explanation.status.why:
+    for why in status.why:
         console.print(f"  because {why}")
     console.print(f"key     {recipe.key}\nseed    {recipe.seed}")
     for title, leaves in (("input", recipe.inputs), ("read", recipe.reads), ("code", recipe.code)):

@@ -32,26 +32,25 @@ def export_angles(result: ActionResult, out: Path) -> Exported:
     WorkFailed when `out` cannot be written, or a file there must not be replaced (`placing`).
     """
     level = result if result.up_axis == UP else result.levelled(UP)
-    common = level if level.time == "common" else _on_common_time(level)
+    common: ActionResult | None = level
+    if level.time != "common":
+        placed = any(np.isfinite(video.phase_s).any() for video in level)
+        common = level.on_common_time() if placed else None
     try:
         with draft_folder(out, "angles") as folder:
             files = [f for v in level for f in _video_tables(folder, v, level.ground.tilt_sd_deg)]
             if common is not None:
                 mean = mean_angles(common)
                 files += [_mean_table(folder, mean), _mean_events(folder, mean)]
-                files.append(_figure(folder, result.action, mean))
+                files.append(folder / "angles.png")
+                with quiet():
+                    save(angle_figure(result.action, mean.phase_s, mean.curves), files[-1])
             notes = notes_of(level, FORMAT) | {"files": digests_of(files)}
             files.append(write_notes(folder, notes))
             files = place(files, out, files[-1].name)
     except OSError as error:
         raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
     return Exported(files, [])
-
-
-def _on_common_time(result: ActionResult) -> ActionResult | None:
-    """The result on the common time axis; None where no video has a place on it."""
-    placed = any(np.isfinite(video.phase_s).any() for video in result)
-    return result.on_common_time() if placed else None
 
 
 def _video_tables(folder: Path, video: VideoResult, tilt_sd_deg: float) -> list[Path]:
@@ -91,11 +90,4 @@ def _mean_table(folder: Path, mean: MeanAngles) -> Path:
         columns[f"{name}_sd_deg"] = curve.sd_deg
     file = folder / "mean_angles.csv"
     write_angles_csv(file, columns)
-    return file
-
-
-def _figure(folder: Path, action: str, mean: MeanAngles) -> Path:
-    file = folder / "angles.png"
-    with quiet():
-        save(angle_figure(action, mean.phase_s, mean.curves), file)
     return file

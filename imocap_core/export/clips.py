@@ -10,7 +10,7 @@ import numpy as np
 from imocap_core.body import Shaped
 from imocap_core.camera.gravity import heading, on_floor, y_up_axes
 from imocap_core.export.export_options import ExportOptions
-from imocap_core.io.writers.gltf import Actor, ClipCamera, Skin, skin_of
+from imocap_core.io.writers.gltf import Actor, ClipCamera, skin_of
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.io.writers.rigs import as_rig, skin_as_rig
 from imocap_core.result.derived import FootLock, loop, with_locked_feet
@@ -84,7 +84,9 @@ def actors_of(result: ActionResult, options: ExportOptions) -> list[Actor]:
         shaped = shaped_body(video)
         colour = linear(VIDEO_COLORS[k % len(VIDEO_COLORS)])
         clip = clip_of(video, shaped)
-        skin = skin_of_character(skin_of(shaped), clip, options)
+        skin = skin_as_rig(skin_of(shaped), clip, options.names)
+        if options.root_bone:
+            skin = replace(skin, joints=skin.joints + 1)
         character = as_character(clip, options, result.up_axis)
         actors.append(Actor(character, skin, camera_of(video), colour))
     return actors
@@ -94,12 +96,6 @@ def as_character(clip: MotionClip, options: ExportOptions, up: str) -> MotionCli
     """A clip with the joints' names, the rest pose and the root bone of a character."""
     named = as_rig(clip, options.names)
     return with_root_bone(named, up) if options.root_bone else named
-
-
-def skin_of_character(skin: Skin, clip: MotionClip, options: ExportOptions) -> Skin:
-    """The skin that belongs to `as_character` of a clip."""
-    posed = skin_as_rig(skin, clip, options.names)
-    return replace(posed, joints=posed.joints + 1) if options.root_bone else posed
 
 
 def linear(hex_srgb: str) -> tuple[float, float, float]:
@@ -122,15 +118,14 @@ def cleaned(
 
 def foot_lock_notes(locks: Mapping[str, FootLock]) -> list[str]:
     """A sentence for each video."""
-    return [_sentence(video, lock) for video, lock in locks.items()]
-
-
-def _sentence(video: str, lock: FootLock) -> str:
-    if lock.contact_pct == 0:
-        return f"{video}: no foot stands on the ground, nothing was locked"
-    short = f"; in {lock.short} frames a leg is too short for it" if lock.short else ""
-    return (
-        f"{video}: feet in contact ({lock.contact_pct:.0f} % of the time) moved {lock.slid_mm:.1f} "
-        f"mm a frame, now {lock.slides_mm:.1f}; joints changed by {lock.moved_mm:.1f} mm on "
-        f"average, {lock.most_mm:.0f} at most{short}"
-    )
+    notes = []
+    for video, lock in locks.items():
+        short = f"; in {lock.short} frames a leg is too short for it" if lock.short else ""
+        notes.append(
+            f"{video}: feet in contact ({lock.contact_pct:.0f} % of the time) moved "
+            f"{lock.slid_mm:.1f} mm a frame, now {lock.slides_mm:.1f}; joints changed by "
+            f"{lock.moved_mm:.1f} mm on average, {lock.most_mm:.0f} at most{short}"
+            if lock.contact_pct
+            else f"{video}: no foot stands on the ground, nothing was locked"
+        )
+    return notes

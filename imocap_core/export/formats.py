@@ -32,6 +32,7 @@ from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
 from imocap_core.result.derived import from_start, mean_performance, turned_y_up
 from imocap_core.result.result import ActionResult, Time
+from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import shaped_body
 
 DEFAULT_UP = {
@@ -117,7 +118,11 @@ def export(
             files = place(files, out, files[-1].name)
     except OSError as error:
         raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
-    return Exported(files, [*_notes(written), *foot_lock_notes(locks)])
+    left_out = ", ".join(written.left_out)
+    remarks = (
+        [f"left out, as they have no place on the common axis: {left_out}"] if left_out else []
+    )
+    return Exported(files, [*remarks, *foot_lock_notes(locks)])
 
 
 def check_format(format: str, up: str | None) -> None:
@@ -129,72 +134,36 @@ def check_format(format: str, up: str | None) -> None:
         raise WrongUse(f"--up {up}: {why}; leave --up out")
 
 
-def _npz(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return [write_video(out, npz_values(video, result)) for video in result]
+def _of_each(
+    out: Path, result: ActionResult, ending: str, write: Callable[[Path, VideoResult], object]
+) -> list[Path]:
+    """One file per video, named after it."""
+    files = [out / f"{video.id}{ending}" for video in result]
+    for file, video in zip(files, result, strict=True):
+        write(file, video)
+    return files
 
 
-def _amass(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return [file for video in result for file in write_amass(out, npz_values(video, result))]
+def _clip(video: VideoResult) -> MotionClip:
+    return clip_of(video, shaped_body(video))
 
 
 def _bvh(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    def write(file: Path, clip: MotionClip) -> None:
+    def write(file: Path, video: VideoResult) -> None:
         if options.names == LAFAN1:
-            character = as_lafan1(clip)
+            character = as_lafan1(_clip(video))
         else:
-            character = upright_rest(as_character(clip, options, result.up_axis), result.up_axis)
+            up = result.up_axis
+            character = upright_rest(as_character(_clip(video), options, up), up)
         write_bvh(file, scaled(character, CENTIMETRES) if options.scale == "cm" else character)
 
-    return _a_file_each(out, result, ".bvh", write)
-
-
-def _trc(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return _a_file_each(out, result, ".trc", write_trc)
-
-
-def _c3d(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    files = []
-    for video in result:
-        files.append(out / f"{video.id}.c3d")
-        write_c3d(files[-1], trial_of(video, result.up_axis))
-    return files
-
-
-def _opensim(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return write_opensim(out, result)
-
-
-def _csv(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    files = []
-    for video in result:
-        files.append(out / f"{video.id}_joints.csv")
-        write_joints_csv(files[-1], clip_of(video, shaped_body(video)), video.joint_sd_mm)
-    return files
-
-
-def _a_file_each(
-    out: Path, result: ActionResult, ending: str, write: Callable[[Path, MotionClip], object]
-) -> list[Path]:
-    """One file per video, named after it."""
-    files = []
-    for video in result:
-        files.append(out / f"{video.id}{ending}")
-        write(files[-1], clip_of(video, shaped_body(video)))
-    return files
+    return _of_each(out, result, ".bvh", write)
 
 
 def _glb(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     file = out / f"{result.action}.glb"
     write_glb(file, actors_of(result, options), notes_of(result, "glb"))
     return [file]
-
-
-def _fbx(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return _by_blender(out, result, options, "fbx")
-
-
-def _usd(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return _by_blender(out, result, options, "usd")
 
 
 def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format: str) -> list[Path]:
@@ -205,36 +174,28 @@ def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format:
     return write_characters(program, out, actors_of(turned_y_up(result), options), target, notes)
 
 
-def _calib(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return write_calibration(out, [calibration_of(video.camera) for video in result])
-
-
-def _mcap(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return write_mcap(out, result)
-
-
-def _rrd(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return write_rrd(out, result)
-
-
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {
-    "npz": _npz,
+    "npz": lambda out, result, _: [write_video(out, npz_values(v, result)) for v in result],
     "bvh": _bvh,
     "glb": _glb,
-    "trc": _trc,
-    "csv": _csv,
-    "c3d": _c3d,
-    "opensim": _opensim,
-    "mcap": _mcap,
-    "rrd": _rrd,
-    "amass": _amass,
-    "fbx": _fbx,
-    "usd": _usd,
-    "calib": _calib,
+    "trc": lambda out, result, _: _of_each(
+        out, result, ".trc", lambda f, v: write_trc(f, _clip(v))
+    ),
+    "csv": lambda out, result, _: _of_each(
+        out, result, "_joints.csv", lambda f, v: write_joints_csv(f, _clip(v), v.joint_sd_mm)
+    ),
+    "c3d": lambda out, result, _: _of_each(
+        out, result, ".c3d", lambda f, v: write_c3d(f, trial_of(v, result.up_axis))
+    ),
+    "opensim": lambda out, result, _: write_opensim(out, result),
+    "mcap": lambda out, result, _: write_mcap(out, result),
+    "rrd": lambda out, result, _: write_rrd(out, result),
+    "amass": lambda out, result, _: [
+        file for video in result for file in write_amass(out, npz_values(video, result))
+    ],
+    "fbx": lambda out, result, options: _by_blender(out, result, options, "fbx"),
+    "usd": lambda out, result, options: _by_blender(out, result, options, "usd"),
+    "calib": lambda out, result, _: write_calibration(
+        out, [calibration_of(video.camera) for video in result]
+    ),
 }
-
-
-def _notes(result: ActionResult) -> list[str]:
-    if not result.left_out:
-        return []
-    return [f"left out, as they have no place on the common axis: {', '.join(result.left_out)}"]

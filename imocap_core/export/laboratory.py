@@ -61,16 +61,21 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     surface = surface_points_m(video)
     markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
     angles, about = _angle_points(video, up)
+    first = _first_frame(video)
     return C3dTrial(
         subject=video.performer or video.action,
         up=up,
         fps=float(video.fps),
-        first=_first_frame(video),
+        first=first,
         markers_mm=markers,
         sd_mm=video.joint_sd_mm,
         angles_deg={label: values * shown[:, None] for label, values in angles.items()},
         descriptions=dict.fromkeys(surface, "surface marker") | about,
-        events=_contacts(video, up),
+        events=[
+            C3dEvent(CONTACT[e.kind], e.name.capitalize(), (first - 1 + e.index) / video.fps)
+            for e in contact_events(video, up)
+            if video.inside[round(e.index)]
+        ],
     )
 
 
@@ -117,17 +122,6 @@ def _angle_points(
     return points, about
 
 
-def _contacts(video: VideoResult, up: str) -> list[C3dEvent]:
-    """Beginnings and ends of the feet's contacts, under the labels that laboratories use; times
-    count from frame 1."""
-    before = _first_frame(video) - 1
-    return [
-        C3dEvent(CONTACT[event.kind], event.name.capitalize(), (before + event.index) / video.fps)
-        for event in contact_events(video, up)
-        if video.inside[round(event.index)]
-    ]
-
-
 def _first_frame(video: VideoResult) -> int:
     """The number, from 1, of the first frame in the file; 1 where frames are no even steps."""
     steps = np.diff(video.frames)
@@ -152,7 +146,8 @@ def _files(out: Path, video: VideoResult) -> list[Path]:
     rest_m = rest_joints_m(video)
     links = linkage(rest_m)
     mass_kg = _write_model(model, video, links, rest_m)
-    paths_mm = marker_paths_mm(video)
+    joints = {j: video.body_joints[:, SMPL_JOINTS.index(j)] for j in JOINT_MARKERS}
+    paths_mm = {n: MM * to_ground(p) for n, p in (joints | surface_points_m(video)).items()}
     start = round(float(video.frames[0]))
     write_markers(markers, paths_mm, video.fps, start)
     last_s = (len(video) - 1) / video.fps
@@ -162,12 +157,6 @@ def _files(out: Path, video: VideoResult) -> list[Path]:
     shown = {name: np.degrees(v) if name in turning else v for name, v in values.items()}
     write_mot(motion, video.id, video.fps, shown)
     return [model, markers, setup, motion, *write_generic_setups(out, video.id, mass_kg, last_s)]
-
-
-def marker_paths_mm(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
-    """Joint centres and surface markers over time, millimetres, in the axes of OpenSim's ground."""
-    joints = {j: video.body_joints[:, SMPL_JOINTS.index(j)] for j in JOINT_MARKERS}
-    return {n: MM * to_ground(p) for n, p in (joints | surface_points_m(video)).items()}
 
 
 def _write_model(

@@ -37,7 +37,7 @@ NOTES = "export_*.json"
 
 def digests_of(files: Sequence[Path]) -> dict[str, str]:
     """SHA-256 of each file, by its name."""
-    return {file.name: _digest(file) for file in files}
+    return {file.name: _sha256(file) for file in files}
 
 
 def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
@@ -57,15 +57,17 @@ def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
 def _must_be_replaceable(
     target: Path, draft: Path, earlier: dict[str, dict[str, str]], notes: str
 ) -> None:
-    present = _digest(target) if target.is_file() else ""
+    present = _sha256(target) if target.is_file() else ""
+    if present == _sha256(draft):
+        return
     owners = [name for name, files in earlier.items() if files.get(target.name) == present]
-    if not owners and present != _digest(draft):
+    if not owners:
         raise WorkFailed(
             f"{target} exists, and was not written by an export or has been changed since; choose "
             f"another folder with --out, or move it away"
         )
     others = [name for name in owners if name != notes]
-    if others and present != _digest(draft):
+    if others:
         raise WorkFailed(
             f"{target} belongs to {others[0]}, an export of other axes or of another run; choose "
             f"another folder with --out, or give both the same --up"
@@ -81,7 +83,7 @@ def _listed(notes: Path) -> dict[str, str]:
         return {}
 
 
-def _digest(file: Path) -> str:
+def _sha256(file: Path) -> str:
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
@@ -104,13 +106,6 @@ def write_sync_table(out: Path, sync: Synchronisation) -> Path:
     )
 
 
-def per_frame(camera: VideoCamera) -> CameraFrames | None:
-    """The camera of every frame; None where it is static."""
-    if camera.is_static:
-        return None
-    return CameraFrames(camera.K_per_frame, camera.R_per_frame, camera.t_per_frame)
-
-
 def calibration_of(camera: VideoCamera) -> CameraCalibration:
     """A camera as calibration files hold it; WrongUse for one that turns, zooms or moves."""
     if not camera.is_static:
@@ -129,6 +124,7 @@ def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
     if video.hands is not None:
         hands = ExportedHands(video.poses, video.hands.points, video.hands.visible)
     common = result.time == "common"
+    camera = video.camera
     return ExportedVideo(
         id=video.id,
         poses=video.theta,
@@ -137,15 +133,17 @@ def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
         joints=video.body_joints,
         joint_names=tuple(SMPL_JOINTS),
         fps=video.fps,
-        size=video.camera.size,
+        size=camera.size,
         frames=video.frames,
-        K=video.camera.K,
-        R=video.camera.R,
-        t=video.camera.t,
+        K=camera.K,
+        R=camera.R,
+        t=camera.t,
         model=video.model,
         joint_sd_mm=video.uncertainty,
-        per_frame=per_frame(video.camera),
-        distortion=None if video.camera.lens is None else video.camera.distortion,
+        per_frame=None
+        if camera.is_static
+        else CameraFrames(camera.K_per_frame, camera.R_per_frame, camera.t_per_frame),
+        distortion=None if camera.lens is None else camera.distortion,
         up_axis=result.up_axis,
         hands=hands,
         inside=video.inside if common else None,
@@ -208,7 +206,9 @@ def notes_of(
         "action": result.action,
         "format": format,
         "up_axis": result.up_axis,
-        "world": _world(result.up_axis),
+        "world": CAMERA_WORLD
+        if result.up_axis == CAMERA_UP
+        else LEVEL_WORLD.format(up=result.up_axis, ahead=AHEAD[result.up_axis]),
         "handedness": "right",
         "units": UNITS[format],
         "pivot": SMPL_PIVOT if format in SMPL_FORMATS else PIVOT,
@@ -228,12 +228,6 @@ def notes_of(
     if result.left_out:
         notes["left_out"] = list(result.left_out)
     return notes
-
-
-def _world(up_axis: str) -> str:
-    if up_axis == CAMERA_UP:
-        return CAMERA_WORLD
-    return LEVEL_WORLD.format(up=up_axis, ahead=AHEAD[up_axis])
 
 
 def write_notes(out: Path, notes: dict[str, Any]) -> Path:

@@ -122,7 +122,8 @@ def _filmed_frames(result: ActionResult, video: VideoResult) -> Iterator[_Filmed
     scale = min(1.0, LONGER_PX / max(camera.size))
     size = (round(scale * camera.size[0]), round(scale * camera.size[1]))
     smaller = np.diag([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])
-    nearest = _nearest(video)
+    used = detected.frames
+    nearest = used[np.abs(used - video.frames[:, None]).argmin(1)]  # to each of the video's frames
     pictures = dict(_pictures(result, video, nearest, size))
     for t, time in enumerate(_times_ns(video)):
         K = smaller @ video.camera.K_per_frame[t]
@@ -138,12 +139,6 @@ def _filmed_frames(result: ActionResult, video: VideoResult) -> Iterator[_Filmed
             xy * np.divide(size, camera.size) if video.inside[t] else None,
             pictures.get(t),
         )
-
-
-def _nearest(video: VideoResult) -> Int[np.ndarray, " T"]:
-    """(T,) the used source frame nearest to each of the video's frames."""
-    used = video.keypoints.frames
-    return np.asarray(used[np.abs(used - video.frames[:, None]).argmin(1)])
 
 
 def _pictures(

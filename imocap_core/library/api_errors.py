@@ -29,19 +29,14 @@ def plain_errors(function: Callable[Parameters, Value]) -> Callable[Parameters, 
             return function(*arguments, **named)
         except ImocapError:
             raise
-        except (ArtifactCorrupt, OSError, MemoryError) as error:
-            raise WorkFailed(sentence_of(error)) from error
+        except (OSError, MemoryError) as error:
+            raise WorkFailed(system_fault(error)) from error
+        except ArtifactCorrupt as error:
+            raise WorkFailed(str(error).partition("\n")[0]) from error
         except ValueError as error:
             raise WrongUse(str(error)) from error
 
     return guarded
-
-
-def sentence_of(error: Exception) -> str:
-    """One line about a file that cannot be used."""
-    if isinstance(error, (OSError, MemoryError)):
-        return system_fault(error)
-    return str(error).partition("\n")[0]
 
 
 Params = Mapping[str, Any] | Sequence[str] | None

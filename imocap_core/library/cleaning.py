@@ -8,9 +8,10 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from imocap_core.artifacts.store import (
@@ -94,13 +95,18 @@ def clean(
     """
     workspace = Workspace(Path(root))
     store = workspace.store.folder
-    name = None if action is None else read_action(find_action(str(action), workspace.root)).name
-    with _no_run_in_progress(workspace):
+    chosen_action = None
+    if action is not None:
+        chosen_action = read_action(find_action(str(action), workspace.root)).name
+    with ExitStack() as held:  # every action, so that no run starts
+        for lock in sorted(store.glob("*/.lock")):
+            name = lock.parent.name
+            held.enter_context(workspace.store.lock(name, partial(_refuse, name)))
         results = cached_results(store, _current_detections(workspace))
         chosen = removable(
             results,
             now_s=time.time(),
-            action=name,
+            action=chosen_action,
             older_s=None if older_days is None else older_days * DAY_S,
             max_bytes=max_bytes,
         )
@@ -152,21 +158,8 @@ def _current_detections(workspace: Workspace) -> list[Path]:
     return files
 
 
-@contextmanager
-def _no_run_in_progress(workspace: Workspace) -> Iterator[None]:
-    """Hold every action, so that no run starts; WorkFailed when one is in progress."""
-    with ExitStack() as held:
-        for lock in sorted(workspace.store.folder.glob("*/.lock")):
-            name = lock.parent.name
-            held.enter_context(workspace.store.lock(name, _refusal(name)))
-        yield
-
-
-def _refusal(name: str) -> Callable[[], None]:
-    def refuse() -> None:
-        raise WorkFailed(f"a run of {name} is in progress; clean when it has ended")
-
-    return refuse
+def _refuse(name: str) -> None:
+    raise WorkFailed(f"a run of {name} is in progress; clean when it has ended")
 
 
 VARIABLE = "IMOCAP_CACHE_LIMIT"

@@ -35,10 +35,13 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
     """
     workspace = Workspace(Path(root))
     checks: tuple[Callable[[], str], ...] = (
-        _python,
-        _packages,
-        _moving_cameras,
-        _hdf5,
+        lambda: (
+            f"Python {platform.python_version()} ({sys.executable}) on {platform.system()}, "
+            f"{os.cpu_count()} cores"
+        ),
+        lambda: f"packages: {', '.join(f'{n} {metadata.version(n)}' for n in ('imocap', *NEEDED))}",
+        lambda: _extra("paths of moving cameras", "pycolmap", "moving"),
+        lambda: _extra("h5 of DeepLabCut and SLEAP", "h5py", "h5"),
         _blender,
         lambda: f"pipeline: {workspace.pipeline().file}",
         lambda: _folder(workspace),
@@ -56,28 +59,11 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
             yield Check(False, f"{type(error).__name__}: {error}")
 
 
-def _python() -> str:
-    machine = f"{platform.system()}, {os.cpu_count()} cores"
-    return f"Python {platform.python_version()} ({sys.executable}) on {machine}"
-
-
-def _packages() -> str:
-    versions = [f"{name} {metadata.version(name)}" for name in ("imocap", *NEEDED)]
-    return "packages: " + ", ".join(versions)
-
-
-def _moving_cameras() -> str:
+def _extra(use: str, package: str, extra: str) -> str:
     try:
-        return f"paths of moving cameras: pycolmap {metadata.version('pycolmap')}"
+        return f"{use}: {package} {metadata.version(package)}"
     except metadata.PackageNotFoundError:
-        return "paths of moving cameras: not installed (pip install 'imocap[moving]')"
-
-
-def _hdf5() -> str:
-    try:
-        return f"h5 of DeepLabCut and SLEAP: h5py {metadata.version('h5py')}"
-    except metadata.PackageNotFoundError:
-        return "h5 of DeepLabCut and SLEAP: not installed (pip install 'imocap[h5]')"
+        return f"{use}: not installed (pip install 'imocap[{extra}]')"
 
 
 def _blender() -> str:

@@ -152,7 +152,8 @@ def new_action(name: str, paths: Sequence[Path], root: Path) -> NewAction:
         raise WrongUse(f"{action_file} exists already; edit it, or choose another name")
     files, remarks = video_files(paths)
     _write_action(name, folder, files)
-    remarks = [*remarks, *repeated_paths(files), *_which_is_which(files)]
+    words = _in_words(files)
+    remarks += [*repeated_paths(files), *([f"The videos{words}."] if words else [])]
     return NewAction(name, action_file, files, remarks)
 
 
@@ -175,12 +176,6 @@ def free_labels(files: Sequence[Path], taken: Sequence[str]) -> list[str]:
         while ids[-1].lower() in used:
             ids[-1] = next(numbers)
     return ids
-
-
-def _which_is_which(files: Sequence[Path]) -> list[str]:
-    """A sentence on files whose ids are other than their names."""
-    words = _in_words(files)
-    return [f"The videos{words}."] if words else []
 
 
 def _in_words(files: Sequence[Path]) -> str:

@@ -81,7 +81,11 @@ def push(
         digests = {path: content_digest(file) for path, file in paths.items()}
         before = None if replace else read_record(shared, record_name(name))
         if before is not None and before.files != digests:
-            raise WorkFailed(_refusal(shared, name, before.files, digests))
+            differing = {*before.files.items()} ^ {*digests.items()}
+            raise WorkFailed(
+                f"{shared.url} has an action {name} of other content ({min(differing)[0]}); push "
+                "it with --replace, or under another name"
+            )
         new = push_files(shared, paths, digests, replace=replace)
     results = _push_results(job)
     write_record(shared, record_name(name), ActionRecord(name=name, files=digests, results=results))
@@ -128,16 +132,6 @@ def _push_results(job: Job) -> dict[str, str]:
             job.store.share(stage, stored, made=False)
             results[stage] = stored.key
     return results
-
-
-def _refusal(
-    shared: SharedFiles, name: str, before: Mapping[str, str], now: Mapping[str, str]
-) -> str:
-    differing = sorted(p for p in {*before, *now} if before.get(p) != now.get(p))
-    return (
-        f"{shared.url} has an action {name} of other content ({differing[0]}); push it with "
-        "--replace, or under another name"
-    )
 
 
 PULLED = ".pulled.json"  # in the action's folder: the files as they came

@@ -40,7 +40,7 @@ def run_document(done: Run) -> dict[str, Any]:
     refined = artifacts.find(RefineSync)
     sync: SyncSummary | None = refined.sync if refined is not None else artifacts.find(Sync)
     motion = refined.motion if refined is not None else artifacts.find(SmplBa)
-    keypoints = artifacts.find(Keypoints)
+    keypoints, evaluated = artifacts.find(Keypoints), artifacts.find(Evaluate)
     verdict = done.verdict
     findings = () if verdict is None else verdict.findings
     return {
@@ -61,21 +61,23 @@ def run_document(done: Run) -> dict[str, Any]:
         "summary": [] if verdict is None else list(verdict.summary),
         "warnings": [f.sentence for f in findings if f.kind != "joints"],
         "notes": done.notes,
-        "left_out": None if keypoints is None else left_out_document(keypoints),
+        "left_out": None
+        if keypoints is None
+        else [{"video": v.id, "reason": v.reason} for v in keypoints.left_out or ()],
         "excluded": None if sync is None else sync.excluded,
         "mirrored": None if sync is None else sync.mirrored,
         "sync": None if sync is None or keypoints is None else sync_document(keypoints, sync),
         "cameras": None if motion is None else _cameras(motion, artifacts),
-        "scores": _scores(artifacts.find(Evaluate)),
+        "scores": None
+        if evaluated is None
+        else {
+            table.name: [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+            for table in evaluated.tables
+        },
         "verdict": None if verdict is None else verdict_document(verdict),
         "report": report_page(done.job),
         "artifacts": done.job.store.folder / done.job.action.name,
     }
-
-
-def left_out_document(keypoints: Keypoints) -> list[dict[str, str]]:
-    """The videos that could not be used, each with its reason."""
-    return [{"video": video.id, "reason": video.reason} for video in keypoints.left_out or ()]
 
 
 def sync_document(keypoints: Keypoints, sync: SyncSummary) -> dict[str, Any]:
@@ -129,16 +131,6 @@ def _cameras(motion: SmplBa, artifacts: Artifacts) -> list[dict[str, Any]]:
         }
 
     return [document(camera) for camera in motion.cameras]
-
-
-def _scores(evaluated: Evaluate | None) -> dict[str, Any] | None:
-    """The tables of metrics, by name: rows of named cells."""
-    if evaluated is None:
-        return None
-    return {
-        table.name: [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-        for table in evaluated.tables
-    }
 
 
 def _of_run(done: Run) -> Artifacts:

@@ -14,7 +14,7 @@ import re
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -144,7 +144,17 @@ class RunLog:
             "seconds": round((ended - self.began).total_seconds(), 3),
             "status": "done" if error is None else "failed",
             "error": error,
-            "stages": [_of_outcome(outcome) for outcome in self.outcomes],
+            "stages": [
+                {
+                    "stage": outcome.stage,
+                    "how": outcome.how,
+                    "seconds": round(outcome.seconds, 3),
+                    "peak_bytes": outcome.peak_bytes,
+                    "key": outcome.stored.key,
+                    "digest": outcome.stored.digest,
+                }
+                for outcome in self.outcomes
+            ],
             "summary": [] if verdict is None else list(verdict.summary),
             "warnings": [*self.notes, *sentences, *self.library_warnings],
             "seed": settings.seed,
@@ -153,17 +163,6 @@ class RunLog:
             "machine": f"{platform.system()} {platform.machine()}",
             "device": self.job.device,
         }
-
-
-def _of_outcome(outcome: Outcome) -> Mapping[str, Any]:
-    return {
-        "stage": outcome.stage,
-        "how": outcome.how,
-        "seconds": round(outcome.seconds, 3),
-        "peak_bytes": outcome.peak_bytes,
-        "key": outcome.stored.key,
-        "digest": outcome.stored.digest,
-    }
 
 
 def versions() -> dict[str, str]:
@@ -225,7 +224,12 @@ def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
     log = RunLog(job, notes=list(notes))
     error: str | None = None
     show = warnings.showwarning
-    warnings.showwarning = _also_into(log.library_warnings, show)
+
+    def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        log.library_warnings.append(f"{category.__name__}: {message}")
+        show(message, category, *place, **more)
+
+    warnings.showwarning = shown
     try:
         yield log
     except (ImocapError, Stopped) as ended:
@@ -239,14 +243,6 @@ def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
             write_whole(folder / LAST_RUN, text + "\n")
             (folder / AT_WORK).unlink(missing_ok=True)
         save_memory(job.store.folder)
-
-
-def _also_into(texts: list[str], show: Callable[..., Any]) -> Callable[..., Any]:
-    def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-        texts.append(f"{category.__name__}: {message}")
-        show(message, category, *place, **more)
-
-    return shown
 
 
 @dataclass(frozen=True)
@@ -331,18 +327,6 @@ def run(
     return Result.of_stages(done.job.action, stored, motion_stage)
 
 
-def _job_in_parts(
-    workspace: Workspace, action: str, sets: list[str], display: Display
-) -> tuple[Job, list[str]]:
-    """The job of an action, long clips cut into their repetitions, and a sentence on each."""
-    job = workspace.ready_job(action, sets, display)
-    if not any(video.repetitions for video in job.action.videos):
-        return job, []
-    from imocap_core.standalone_sync import job_in_parts  # PyTorch and more
-
-    return job_in_parts(workspace, action, sets, display)
-
-
 @plain_errors
 def run_action(
     action: str | Path,
@@ -366,7 +350,12 @@ def run_action(
         began = time.perf_counter()
         cache_limit_bytes()  # a wrong one is noticed before the work
         workspace = Workspace(Path(root), store, device)
-        job, notes = _job_in_parts(workspace, str(action), one_off(params), display)
+        sets = one_off(params)
+        job, notes = workspace.ready_job(str(action), sets, display), list[str]()
+        if any(video.repetitions for video in job.action.videos):
+            from imocap_core.standalone_sync import job_in_parts  # PyTorch and more
+
+            job, notes = job_in_parts(workspace, str(action), sets, display)
         notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)
         with recording(job, notes) as log:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import inspect
 import math
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -288,23 +289,6 @@ def parameters(group: str | None = None, *, root: str | Path = ".") -> list[Para
     return parameter_table(group, Workspace(Path(root)).pipeline().params)
 
 
-WRITTEN = {
-    "npz": "SMPL parameters, joints and camera of each video",
-    "amass": "the same as AMASS's files have it (SMPL+H, SMPL-X), and SMPL's 72 numbers",
-    "bvh": "a joint tree, with the names of SMPL, of characters, or of LAFAN1 (for robots)",
-    "glb": "animated skinned bodies and cameras in one scene",
-    "fbx": "an animated skinned character, written by Blender",
-    "usd": "an animated skinned character, written by Blender",
-    "trc": "joints as markers",
-    "c3d": "joints, surface markers and joint angles",
-    "opensim": "a model of the performer, markers and angles",
-    "csv": "joints, a row a frame",
-    "calib": "the cameras, for Pose2Sim and OpenCV",
-    "mcap": "a file to look at in Foxglove",
-    "rrd": "a recording to look at in Rerun, laid out",
-}
-
-
 @dataclass(frozen=True)
 class Format:
     """A format: what it is of, its name in action.yaml or for --format, what it is."""
@@ -314,68 +298,16 @@ class Format:
     what: str
 
 
-KEYPOINTS_READ = {
-    "openpose": "OpenPose: a folder with one JSON file per frame, or one list of them (DWPose)",
-    "alphapose": (
-        "AlphaPose: alphapose-results.json, one list per clip with one entry per person and frame"
-    ),
-    "mmpose": "MMPose: the predictions of one clip as one JSON file",
-    "coco": "COCO's results: one JSON list per clip with one entry per person and frame",
-    "easymocap": "EasyMocap: a folder annots/CAMERA with one JSON file a frame",
-    "ultralytics": (
-        "Ultralytics' pose models (YOLO): results saved as JSON, or the labels that save_txt writes"
-    ),
-    "tfjs": "TensorFlow.js' pose detection (MoveNet, BlazePose, PoseNet): a JSON list of frames",
-    "npz": "2D keypoints of one clip as plain arrays (npz, npy, CSV), for any detector",
-    "deeplabcut": "DeepLabCut: the CSV of one video, with three or four heading rows, or its .h5",
-    "sleap": (
-        "SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5"
-    ),
-    "sam3d_body": (
-        "SAM 3D Body as a detector: the 70 points of every person in the picture, hands"
-        " and feet too"
-    ),
-    "mediapipe": "MediaPipe Pose: its 33 landmarks of one clip, saved as JSON, npz or CSV",
-    "cpn_npz": (
-        "VideoPose3D's 2D keypoints: data_2d_*.npz, positions_2d of many clips in one file"
-    ),
-}
-INITIAL_READ = {
-    "smpl_npz": "SMPL parameters of one video, as imocap export --format npz writes them",
-    "hmr2": "4D-Humans (HMR2) with PHALP: the .pkl of its tracking, one dictionary per clip",
-    "tokenhmr": "TokenHMR: PHALP's .pkl, written by its track.py",
-    "wham": "WHAM: wham_output.pkl, written by its demo with joblib when asked to save",
-    "gvhmr": "GVHMR: hmr4d_results.pt, one person's motion, saved with torch",
-    "gem": "GEM: smpl_params.pt, and GEM-X: hpe_results.pt (the bodies SMPL and SOMA)",
-    "prompthmr": "PromptHMR: results.pkl, written by its video pipeline with joblib",
-    "vibe": "VIBE: vibe_output.pkl, written by its demo with joblib (and by tools in its format)",
-    "hmmr": "HMMR: hmmr_output.pkl, one person's track, pickled by its demo",
-    "tram": (
-        "TRAM: hps/hps_track_0.npy (and further tracks), one person each, saved by its script"
-    ),
-    "nlf": (
-        "NLF: what detect_smpl_batched returns, saved by the user with torch.save, "
-        "pickle or as JSON"
-    ),
-    "multihmr": "Multi-HMR: the people that its model returns for every frame, saved by the user",
-    "joints_npz": "any monocular estimator's 3D joints of one video",
-    "sam3d_body": (
-        "SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user"
-    ),
-    "metrabs": 'MeTRAbs: what detect_poses(..., skeleton="smpl_24") returns, saved by the user',
-    "mediapipe_world": "MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz",
-}
-
-
 def formats() -> list[Format]:
     """Keypoints and monocular estimates that are read, and exports that are written."""
     from imocap_core.export.formats import WRITERS
     from imocap_core.io.readers.keypoint_readers import ANY_FILE
 
     anything = {name: f"any of these with the points {layout}" for name, layout in ANY_FILE.items()}
+    of = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
     return [
-        *(Format("keypoints", name, what) for name, what in KEYPOINTS_READ.items()),
+        *(Format("keypoints", name, what) for name, what in of["keypoints"].items()),
         *(Format("keypoints", name, what) for name, what in anything.items()),
-        *(Format("initial", name, what) for name, what in INITIAL_READ.items()),
-        *(Format("export", name, WRITTEN.get(name, "")) for name in WRITERS),
+        *(Format("initial", name, what) for name, what in of["initial"].items()),
+        *(Format("export", name, of["export"].get(name, "")) for name in WRITERS),
     ]

@@ -63,6 +63,8 @@ def synchronise(
         return _of_joints(arrays, fps, reference, params)
     if arrays and (layout is None or fps is None or size is None):
         raise WrongUse("clips: 2D keypoints as arrays need layout, fps and size=(width, height)")
+    from imocap_core.standalone_sync import synchronise_action
+
     with tempfile.TemporaryDirectory(prefix="imocap-") as temporary:
         sources = sources_of(
             [
@@ -80,7 +82,18 @@ def synchronise(
             )
         folder = Path(temporary) if arrays or root is None else Path(root)
         declared = Declared(None, layout, fps, size)
-        return _of_sources(folder, sources, declared, reference, params, progress)
+        with displaying(progress) as display:
+            solved = synchronise_action(
+                Workspace(folder),
+                sources,
+                declared,
+                name=None,
+                reference=reference,
+                repetitions=False,
+                sets=one_off(params),
+                display=display,
+            )
+        return solved.values
 
 
 @plain_errors
@@ -123,31 +136,6 @@ def synchronise_videos(
             display=display,
         )
         return write_synchronised(solved, folder, display)
-
-
-def _of_sources(
-    folder: Path,
-    sources: Sequence[VideoSource],
-    declared: Declared,
-    reference: str | None,
-    params: Params,
-    progress: Progress,
-) -> Synchronisation:
-    """The synchronisation of 2D keypoints, from which 3D poses are estimated first."""
-    from imocap_core.standalone_sync import synchronise_action
-
-    with displaying(progress) as display:
-        solved = synchronise_action(
-            Workspace(folder),
-            sources,
-            declared,
-            name=None,
-            reference=reference,
-            repetitions=False,
-            sets=one_off(params),
-            display=display,
-        )
-    return solved.values
 
 
 def _keypoint_file(folder: Path, label: str, clip: np.ndarray) -> VideoSource:

@@ -10,7 +10,7 @@ from imocap_core.adapters.tracked_people import (
     declared_row,
 )
 from imocap_core.errors import WorkFailed
-from imocap_core.library.person_summary import PersonSummary, VideoPeople
+from imocap_core.library.people import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.action import Action, Declaration, path_of
@@ -36,10 +36,14 @@ def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
         if video.survey is not None and params.cuts:
             sentence = advice(video.survey.cuts, video.people.frames)
             notes[video.id] = [*notes.get(video.id, []), sentence]
+    ranked = {video.id: video.people.ranked for video in followed.values()}
     return [
         VideoPeople(
             id=declared.id,
-            tracks=_summaries(followed.get(declared.id)),
+            tracks=[
+                _summary(number, score, track, followed[declared.id].people)
+                for number, (score, track) in enumerate(ranked.get(declared.id, ()), start=1)
+            ],
             notes=[note for note in notes.get(declared.id, []) if note],
             fault=faults.get(declared.id),
         )
@@ -73,15 +77,6 @@ def _followed(action: Action, declared: Declaration, params: KeypointsParams) ->
     path = None if declared.video is None else path_of(action.folder, declared.video)
     folder = None if given is None else action.folder / given
     return followed_video(declared, folder, path, action.file, params)
-
-
-def _summaries(video: DetectedVideo | None) -> list[PersonSummary]:
-    if video is None:
-        return []
-    return [
-        _summary(number, score, track, video.people)
-        for number, (score, track) in enumerate(video.people.ranked, start=1)
-    ]
 
 
 def _summary(number: int, score: float, track: PersonTrack, people: TrackedVideo) -> PersonSummary:

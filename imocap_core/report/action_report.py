@@ -12,7 +12,6 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, system_fault
 from imocap_core.files import is_as_made, is_whole_page
-from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.generation import record, seconds_of
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
@@ -80,11 +79,14 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     page = folder / PAGE
     seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
     single = single_model(job, stored)
-    sources = sources_text(job.action)
+    names = {v.id: PurePath(v.video).name for v in job.action.videos if v.video is not None}
+    sources = "Files: " + ", ".join(f"{i} is {n}" for i, n in names.items()) + "." if names else ""
     stamp = _stamp(stored, seconds, sources, single)
     there = all((folder / name).is_file() for name in (TEXT, PAGE, FILE))
-    if there and is_whole_page(page) and stamp in _head(page):
-        return page
+    if there and is_whole_page(page):
+        with page.open(encoding="utf-8") as stream:
+            if stamp in stream.read(400):  # in the head
+                return page
     from imocap_core.report.write_page import write_page
 
     try:
@@ -97,12 +99,6 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     except ValueError as error:
         raise WorkFailed(f"report: {error}") from None
     return page
-
-
-def sources_text(action: Action) -> str:
-    """Which video is which file."""
-    names = {v.id: PurePath(v.video).name for v in action.videos if v.video is not None}
-    return "Files: " + ", ".join(f"{i} is {n}" for i, n in names.items()) + "." if names else ""
 
 
 def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
@@ -126,9 +122,3 @@ def _stamp(
     results = {stage: stored[stage].digest for stage in NEEDED}
     content = [results, code, dict(seconds), sources, None if single is None else single.digest]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _head(page: Path) -> str:
-    """The page's beginning, which has its stamp."""
-    with page.open(encoding="utf-8") as stream:
-        return stream.read(400)

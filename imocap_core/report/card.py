@@ -23,7 +23,7 @@ from imocap_core.figures.sheets import (
 from imocap_core.figures.style import rgb_of
 from imocap_core.render import common_scale, draw_view, view_rotation
 from imocap_core.report.first_page import SureDifference
-from imocap_core.report.page_files import COLOURS, badge, prose
+from imocap_core.report.page_files import badge, html_head, prose
 
 CARD = "card.html"
 _SHOWN = 3
@@ -31,22 +31,6 @@ _REFERENCE_RGB = (168, 174, 181)
 _VIEWS = ("front", "side")
 _QUALITY, _SOLID = 85, 0.68  # of WebP; of a ghost, the video's share
 _OF_BONE = 0.5  # weight of the skin that a bone carries
-_STYLE = """
-body { max-width: 460px; margin: 0 auto; padding: .8rem; }
-h1 { font-size: 1.25rem; margin: 0 0 .3rem; } h2 { font-size: 1rem; margin: .9rem 0 .3rem; }
-p { margin: .3rem 0; color: var(--quiet); font-size: .85rem; }
-.row { display: grid; grid-template-columns: repeat(3, 1fr); gap: 6px; }
-figure { margin: 0; } img { width: 100%; display: block; border-radius: 6px; }
-figcaption { font-size: .75rem; color: var(--quiet); }
-section { break-inside: avoid; }
-@media print {
-  @page { size: A4; margin: 10mm; }
-  :root { color-scheme: light; }
-  body { font-size: 12px; padding: 0; }
-  .level { print-color-adjust: exact; }
-  img { max-height: 42mm; object-fit: contain; }
-}
-"""
 
 
 def largest_differences(differences: Sequence[SureDifference]) -> list[SureDifference]:
@@ -75,12 +59,10 @@ def card_page(
     doubtful = verdict.level != "good" and len(verdict.summary) > 1
     doubt = f"<p>{prose(verdict.summary[1])}</p>" if doubtful else ""
     return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)} · card</title><style>{COLOURS}{_STYLE}</style></head><body>\n"
-        f"<h1>{html.escape(title)}{badge(verdict)}</h1>\n{doubt}"
-        f"{''.join(parts)}"
-        f"<p>Grey: {reference}. ±: the expected error of the difference, one standard deviation."
+        html_head(f"{html.escape(title)} · card", "card.css")
+        + f"<h1>{html.escape(title)}{badge(verdict)}</h1>\n{doubt}"
+        + "".join(parts)
+        + f"<p>Grey: {reference}. ±: the expected error of the difference, one standard deviation."
         "</p></body></html>\n"
     )
 

@@ -80,7 +80,10 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
     videos = common.videos
     each = [video_angles(video, "y", level.ground.tilt_sd_deg) for video in videos]
     inside = np.stack([video.inside for video in videos])
-    curves = {name: _curves([a.angles_deg[name] for a in each], inside) for name in SHOWN}
+    curves = {}
+    for name in SHOWN:  # NaN where a video does not show the moment, all by the same whole turns
+        shown = np.where(inside, np.stack([a.angles_deg[name] for a in each]), np.nan)
+        curves[name] = np.stack([near(curve, shown[0]) for curve in shown])
     unknown = np.full(inside.shape[1], np.nan)
     sd = {name: np.stack([a.sd_deg.get(name, unknown) for a in each]) for name in SHOWN}
     names = key_angles(curves)
@@ -91,7 +94,12 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
     frames = ", ".join(f"{v.id} frame {v.frames[t]:.0f}" for v in videos if v.inside[t])
     return FirstPage(
         moment=f"{words}, at {phase_s[t]:.2f} s ({frames})",
-        head=_head(ids),
+        head=(
+            "angle",
+            *(ids if len(ids) <= _COLUMNS else ("lowest", "middle", "highest")),
+            "expected error",
+            "whole action",
+        ),
         rows=tuple(_row(name, curves[name], sd[name], t) for name in names),
         differences=tuple(differences(videos, result.reference, curves, sd)),
         figure=key_angle_figure(
@@ -101,25 +109,17 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
     )
 
 
-def _curves(
-    angles_deg: Sequence[Float[np.ndarray, " N"]], inside: Bool[np.ndarray, "M N"]
-) -> Float[np.ndarray, "M N"]:
-    """An angle of every video, NaN where it does not show the moment, by the same whole turns."""
-    shown = np.where(inside, np.stack(angles_deg), np.nan)
-    return np.stack([near(curve, shown[0]) for curve in shown])
-
-
 def key_angles(curves: Curves) -> list[str]:
     """The angles that change most, both sides of each; the one that changes most first."""
-    ranges = {name: float(_range_deg(each).max()) for name, each in curves.items()}
+    ranges = {name: max(map(_range_deg, each)) for name, each in curves.items()}
     order = sorted(ranges, key=lambda name: -ranges[name])
     plain = list(dict.fromkeys(without_side(name) for name in order))[:_KEY_ANGLES]
     return [name for title in plain for name in order if without_side(name) == title]
 
 
-def _range_deg(each: Float[np.ndarray, "M N"]) -> Float[np.ndarray, " M"]:
-    shown = [values[np.isfinite(values)] for values in each]
-    return np.array([np.ptp(values) if len(values) else 0.0 for values in shown])
+def _range_deg(angle: Float[np.ndarray, " N"]) -> float:
+    shown = angle[np.isfinite(angle)]
+    return float(np.ptp(shown)) if len(shown) else 0.0
 
 
 def key_moment(
@@ -137,11 +137,6 @@ def key_moment(
         return int(np.argmin(np.where(most, height, np.inf))), "Where the hips are lowest"
     mean = np.where(most, np.nan_to_num(angle, nan=-np.inf).max(axis=0), -np.inf)
     return int(np.argmax(mean)), f"Where the angle \u201c{plain_angle(name)}\u201d is largest"
-
-
-def _head(ids: Sequence[str]) -> tuple[str, ...]:
-    shown = tuple(ids) if len(ids) <= _COLUMNS else ("lowest", "middle", "highest")
-    return ("angle", *shown, "expected error", "whole action")
 
 
 def _row(
@@ -236,14 +231,12 @@ def moved_mm(before: ActionResult | None, after: ActionResult) -> float | None:
     for video in after:
         if video.id not in before.ids or before[video.id].joints.shape != video.joints.shape:
             continue
-        joints_m = [_in_camera(each) for each in (before[video.id], video)]
+        joints_m = [
+            np.einsum("tij,tkj->tki", v.camera.R_per_frame, v.joints - v.joints[:, :1])
+            for v in (before[video.id], video)
+        ]
         distances.append(np.linalg.norm(joints_m[0] - joints_m[1], axis=-1).mean())
     return 1000 * float(np.mean(distances)) if distances else None
-
-
-def _in_camera(video: VideoResult) -> Float[np.ndarray, "T J 3"]:
-    relative = video.joints - video.joints[:, :1]
-    return np.asarray(np.einsum("tij,tkj->tki", video.camera.R_per_frame, relative))
 
 
 def expected_error_mm(result: ActionResult | None) -> float | None:

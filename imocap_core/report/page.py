@@ -12,7 +12,7 @@ from imocap_core.artifacts.schemas import Table
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.metrics.scoring import ALL_VIDEOS
 from imocap_core.report.first_page import ANGLES, FirstPage
-from imocap_core.report.page_files import COLOURS, LEVELS, badge, prose, sentences
+from imocap_core.report.page_files import LEVELS, badge, html_head, prose, sentences
 from imocap_core.report.sections import Section
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, cell_text, column_title
 
@@ -76,79 +76,6 @@ def _right(numeric: bool) -> str:
     return ' class="n"' if numeric else ""
 
 
-_STYLE = """
-@media (prefers-color-scheme: dark) {
-  img.chart { filter: invert(.92) hue-rotate(180deg); }
-}
-h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
-h2 {
-  font-size: 1.25rem; margin: 3rem 0 .4rem; padding-top: .8rem; border-top: 1px solid var(--line);
-}
-h3 { font-size: .95rem; margin: 1.6rem 0 .4rem; }
-p, figcaption, dd { color: var(--quiet); max-width: 80ch; }
-li { max-width: 84ch; }
-nav { font-size: .88rem; margin: .8rem 0 0; line-height: 2; }
-nav a { margin-right: 1.1rem; white-space: nowrap; }
-th a { color: inherit; border-bottom: 1px dotted var(--edge); }
-.wide { overflow-x: auto; }
-.wide:focus-visible { outline: 2px solid var(--accent); }
-table { border-collapse: collapse; font-size: .83rem; font-variant-numeric: tabular-nums; }
-th, td { padding: .28rem .7rem; text-align: left; border-bottom: 1px solid var(--line); }
-th { font-weight: 600; vertical-align: bottom; max-width: 9.5rem; }
-td { max-width: 60ch; }
-td.n, td:first-child { white-space: nowrap; }
-th:first-child, td:first-child { position: sticky; left: 0; background: var(--paper); }
-td:first-child:last-child, td:first-child:not(:has(+ .n, + td + .n)) { white-space: normal; }
-.n { text-align: right; }
-.total td { border-bottom-color: var(--edge); font-weight: 600; }
-figure { margin: 1.4rem 0; }
-figcaption { font-size: .88rem; }
-img { max-width: 100%; height: auto; }
-details { margin: 1rem 0; }
-summary { cursor: pointer; color: var(--accent); padding: .3rem 0; }
-dt { margin-top: .6rem; font-weight: 600; font-size: .9rem; }
-dt code { font-weight: 400; font-size: .8rem; color: var(--quiet); margin-left: .4rem; }
-dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
-dt:target { background: var(--target); }
-.first h2 { border: 0; margin: 1.2rem 0 .2rem; padding: 0; }
-.first figure { margin: .6rem 0; }
-.first th, .first td { padding: .28rem .4rem; }
-.pair {
-  display: grid; gap: 1.4rem;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 500px), 1fr));
-}
-#technical { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: .8rem; }
-#technical > summary { font-size: 1.25rem; font-weight: 600; }
-@media print {
-  @page { size: A4; margin: 11mm; }
-  :root { color-scheme: light; }
-  body { font-size: 9.5px; margin: 0; padding: 0; max-width: none; }
-  #technical, .pages { display: none; }
-  .pair { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: .8rem; }
-  th, td { padding: 1px 3px; } table { font-size: 8.5px; }
-  h1 { font-size: 18px; } h2, .first h2 { font-size: 12px; margin: 6px 0 1px; }
-  .verdict, .level { margin: .3rem 0; print-color-adjust: exact; }
-  .verdict p { font-size: 1em; margin: .15rem 0; }
-  .first figure { margin: .2rem 0; } .first figcaption { display: none; }
-  .first img { max-height: 66mm; width: 100%; object-fit: contain; object-position: left; }
-  p, figcaption, li { max-width: none; }
-}
-/* On a phone pictures keep a size at which their lettering can be read, and move sideways. */
-@media screen and (max-width: 760px) {
-  body { font-size: 16px; margin: 1rem auto 3rem; padding: 0 .9rem; }
-  .wide { margin: 0 -.9rem; padding: 0 .9rem; }
-  .wide img { max-width: none; width: 860px; }
-  th, td { padding: .4rem .6rem; }
-  table, figcaption, dd { font-size: .9rem; }
-  summary { padding: .6rem 0; }
-  nav a { display: inline-block; padding: .3rem 0; }
-  th:first-child, td:first-child { left: -.9rem; padding-left: .9rem; }
-  ul { padding-left: 1.2rem; }
-  .first th, .first td { padding: .3rem .2rem; white-space: normal; font-size: .85rem; }
-}
-"""
-
-
 _MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
 _STAMP = "imocap-made-from"
 _COLUMNS = "Glossary of the columns"
@@ -176,18 +103,17 @@ def html_page(
     nav = " ".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
     tables = [table for part in parts for table in (*part.tables, *part.folded_tables)]
     glossary = {c: GLOSSARY[c] for t in tables for c in t.columns if c in GLOSSARY}
+    title, leading = html.escape(contents.title), _leading(contents)
+    findings = "".join(f"<li>{prose(f.sentence)}</li>" for f in verdict.findings)
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta name="{_STAMP}" content="{stamp}">'
-        f"<title>{html.escape(contents.title)}</title><style>{COLOURS}{_STYLE}</style></head>"
-        f"<body>\n<h1>{html.escape(contents.title)}{badge(verdict)}</h1>\n{sentences(verdict)}"
-        + f"{pages}\n"
-        + _first(folder, contents, first)
+        html_head(title, "report.css", f'<meta name="{_STAMP}" content="{stamp}">')
+        + f"<h1>{title}{badge(verdict)}</h1>\n{sentences(verdict)}{pages}\n"
+        + _first(folder, leading, first)
         + f'<details id="technical"><summary>{_TECHNICAL}</summary>\n'
         + (f"<p>{html.escape(sources)}</p>\n" if sources else "")
-        + f"<nav>{nav}</nav>\n{_details(verdict)}"
-        + "".join(_section(folder, part, glossary, _leading(contents)) for part in parts)
+        + f"<nav>{nav}</nav>\n"
+        + (f"<h2>{DETAILS}</h2>\n<ul>{findings}</ul>\n" if findings else "")
+        + "".join(_section(folder, part, glossary, leading) for part in parts)
         + _glossary(glossary)
         + "</details></body></html>\n"
     )
@@ -199,9 +125,9 @@ def _leading(contents: Contents) -> list[Picture | None]:
     return [next((p for p in contents.pictures if p.file.startswith(b)), None) for b in beginnings]
 
 
-def _first(folder: Path, contents: Contents, first: FirstPage | None) -> str:
+def _first(folder: Path, leading: Sequence[Picture | None], first: FirstPage | None) -> str:
     """The key angles and the differences, the same moments, the body."""
-    moments, body = _leading(contents)
+    moments, body = leading
     parts = [] if first is None or not first.since else [f"<p>{html.escape(first.since)}</p>"]
     if first is not None:
         caption = "The angles that change most; the upright line is the moment of the table."
@@ -267,12 +193,6 @@ def _angles_in_markdown(first: FirstPage) -> list[str]:
     table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
     items = "\n".join(f"* {difference.sentence}." for difference in first.differences)
     return [f"## Key angles\n\n{first.moment}:\n\n{table}\n", *([f"{items}\n"] if items else [])]
-
-
-def _details(verdict: Verdict) -> str:
-    """All findings."""
-    findings = "".join(f"<li>{prose(f.sentence)}</li>" for f in verdict.findings)
-    return f"<h2>{DETAILS}</h2>\n<ul>{findings}</ul>\n" if findings else ""
 
 
 def _section(

@@ -19,44 +19,7 @@ LEVELS = {"good": "Good", "check": "Check", "doubt": "Doubtful"}
 _COMPARED = "where performances differ, in degrees"
 _LINKS = re.compile(r'<nav class="pages">.*?</nav>', re.DOTALL)
 
-COLOURS = """
-:root {
-  --ink: #1d2227; --quiet: #4f5861; --line: #d9dee3; --paper: #ffffff; --accent: #28588a;
-  --edge: #8f979f; --target: #f3e6d5; --good: #2c7a4d; --check: #8f6400; --doubt: #b3471b;
-  --soft: #eef2f6; color-scheme: light dark;
-}
-@media (prefers-color-scheme: dark) {
-  :root {
-    --ink: #e6eaee; --quiet: #aab3bd; --line: #343c45; --paper: #171c21; --accent: #86b7ea;
-    --edge: #75818d; --target: #44361f; --good: #62b487; --check: #d9a941; --doubt: #f08a5c;
-    --soft: #222a32;
-  }
-}
-* { box-sizing: border-box; }
-body {
-  font: 15px/1.5 system-ui, "DejaVu Sans", sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 1160px; margin: 2.2rem auto 5rem; padding: 0 1.2rem; overflow-wrap: break-word;
-}
-a { color: var(--accent); text-decoration: none; }
-a:hover { text-decoration: underline; }
-.verdict { border-left: 4px solid var(--level); padding: .1rem 1rem; margin: .8rem 0; }
-.verdict p { color: inherit; margin: .5rem 0; font-size: 1.05rem; }
-.good { --level: var(--good); } .check { --level: var(--check); } .doubt { --level: var(--doubt); }
-.level {
-  display: inline-block; padding: 0 .7rem; border-radius: 1rem; font-size: 1rem; font-weight: 600;
-  background: var(--level); color: var(--paper); vertical-align: middle; margin-left: .5rem;
-}
-.pages { display: flex; flex-wrap: wrap; gap: .6rem; margin: 1rem 0; }
-.pages :is(a, span) { padding: .35rem .9rem; border: 1px solid var(--edge); border-radius: .5rem; }
-.pages span { border-style: dashed; color: var(--quiet); }
-"""
-"""Shared by the report, the index, and whatever else is a page of text."""
-
-_STYLE = """
-h1 { font-size: 1.7rem; } dt { margin-top: 1rem; font-size: 1.1rem; font-weight: 600; }
-body { max-width: 760px; } dd { margin: 0; color: var(--quiet); }
-code { background: var(--soft); padding: .1rem .4rem; border-radius: .3rem; }
-"""
+WEB = Path(__file__).with_name("web")
 
 
 @dataclass(frozen=True)
@@ -79,8 +42,13 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
     card = page("Card", "the largest differences, for a phone or for paper", "report/card.html", "")
     compared = sorted((folder / "report" / "compare").rglob(PAGE))
     comparisons = [
-        ActionPage(_comparison(file), _COMPARED, file, "")
-        for file in (path.relative_to(folder).as_posix() for path in compared)
+        ActionPage(
+            f"Comparison with {inner}" if inner not in ("compare", "report") else "Comparison",
+            _COMPARED,
+            file,
+            "",
+        )
+        for file, inner in ((p.relative_to(folder).as_posix(), p.parent.name) for p in compared)
     ]
     return [
         page(
@@ -102,11 +70,6 @@ def pages_of(folder: Path, action: str) -> list[ActionPage]:
             "Exports", "the motion for other programs", None, f"imocap export {action} --out FOLDER"
         ),
     ]
-
-
-def _comparison(file: str) -> str:
-    inner = Path(file).parent.name
-    return "Comparison" if inner in ("compare", "report") else f"Comparison with {inner}"
 
 
 def links(folder: Path, action: str) -> str:
@@ -135,23 +98,18 @@ def refresh_pages(store: Store, action: str) -> Path:
             write_whole(report / PAGE, now)
             record_made(report, [PAGE])
     index = folder / _INDEX
-    text = "".join(_index(folder, action, _verdict(report)))
+    verdict = None
+    with suppress(OSError, ValueError):
+        verdict = read_verdict((report / FILE).read_text(encoding="utf-8"))
+    text = "".join(_index(folder, action, verdict))
     if not index.is_file() or index.read_text(encoding="utf-8") != text:
         write_whole(index, text)
     return index
 
 
-def _verdict(report: Path) -> Verdict | None:
-    with suppress(OSError, ValueError):
-        return read_verdict((report / FILE).read_text(encoding="utf-8"))
-    return None
-
-
 def _index(folder: Path, action: str, verdict: Verdict | None) -> Iterator[str]:
     name = html.escape(action)
-    yield '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f"<title>{name} · imocap</title><style>{COLOURS}{_STYLE}</style></head><body>\n"
+    yield html_head(f"{name} · imocap", "index.css")
     yield f"<h1>{name}{badge(verdict)}</h1>\n{sentences(verdict)}<dl>\n"
     for page in pages_of(folder, action):
         title = html.escape(page.name)
@@ -161,6 +119,17 @@ def _index(folder: Path, action: str, verdict: Verdict | None) -> Iterator[str]:
             command = f"<code>{html.escape(page.command)}</code>"
             yield f"<dt>{title}</dt><dd>{page.what}; make it with {command}</dd>\n"
     yield "</dl></body></html>\n"
+
+
+def html_head(title: str, style: str, meta: str = "") -> str:
+    """The beginning of a page, up to its body. title, meta: HTML. style: the page's own in web/,
+    after the one that all pages share."""
+    css = "".join("\n" + (WEB / n).read_text(encoding="utf-8") for n in ("page.css", style))
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">{meta}'
+        f"<title>{title}</title><style>{css}</style></head><body>\n"
+    )
 
 
 def badge(verdict: Verdict | None) -> str:

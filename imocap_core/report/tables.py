@@ -22,55 +22,19 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.diagnostics.detection_findings import remarks
 from imocap_core.evaluate.action_scores import METRICS, ActionScores
 from imocap_core.evaluate.scoreboard import CAMERA_METRICS
-from imocap_core.evaluate.whole_body_scores import JointErrors
 from imocap_core.metrics.scoring import ALL_VIDEOS, BODY_METRICS, SYNC_METRICS, ScoreRow
-
-_SUMMARY = (
-    "mpjpe_mm",
-    "mpjpe_scaled_mm",
-    "pa_mpjpe_mm",
-    "acceleration_error_m_s2",
-    "root_path_error_mm",
-    "camera_rotation_error_deg",
-    "sync_error_pct",
-    "sync_error_frames",
-    "matched_share",
-    "cycle_residual_frames",
-    "reprojection_px",
-    "mpjpe_24_mm",
-    "sync_error_ms",
-    *BODY_METRICS,
-)
-_POSE = (
-    "mpjpe_mm",
-    "mpjpe_scaled_mm",
-    "pa_mpjpe_mm",
-    "acceleration_error_m_s2",
-    "root_path_error_mm",
-    "root_path_aligned_error_mm",
-    "foot_sliding_mm_s",
-    "planted_foot_speed_mm_s",
-    "reprojection_px",
-    "reprojection_pct",
-)
-_ROUND = (
-    "mpjpe_mm",
-    "mpjpe_scaled_mm",
-    "pa_mpjpe_mm",
-    "camera_rotation_error_deg",
-    "sync_error_pct",
-    "sync_error_frames",
-    "matched_share",
-)
+from imocap_core.report.table_files import METRICS_OF
 
 
 def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list[Table]:
     """Summary, pose, joint sets, synchronisation, cameras, and metrics that are not scored."""
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
+    headline = (*METRICS_OF["summary"], *BODY_METRICS)
+    pose = METRICS_OF["pose"]
     tables = [
-        wide_table("summary", "Mean over the videos", summary, _SUMMARY, per_video=False),
-        wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, _POSE),
+        wide_table("summary", "Mean over the videos", summary, headline, per_video=False),
+        wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, pose),
         wide_table(
             "joint_sets",
             "Pose on 12, 14, 17 and 24 joints, mean over the videos",
@@ -108,7 +72,7 @@ def unscored_table(summary: Sequence[ScoreRow]) -> Table:
 
 def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Table:
     """The rounds of the loop; errors: per round, metric -> mean over the videos."""
-    metrics = [m for m in _ROUND if any(m in error for error in errors)]
+    metrics = [m for m in METRICS_OF["rounds"] if any(m in error for error in errors)]
     rows: list[list[Cell]] = [
         [i, i == refined.best, r.cost, r.sync_change_frames, *(error.get(m) for m in metrics)]
         for i, (r, error) in enumerate(zip(refined.rounds, errors, strict=True))
@@ -191,31 +155,27 @@ def wide_table(
 
 def joint_tables(scores: ActionScores) -> list[Table]:
     """One row a joint, one column a result; tables without values are omitted."""
-    tables = [
-        _joint_table(
+    tables = []
+    for name, title, errors, unit in (
+        (
             "joints",
             "Error of each joint after alignment on the twelve joints (joint_error_aligned_12_mm)",
             scores.joint_errors_mm,
             "mm",
         ),
-        _joint_table(
+        (
             "joint_rotations",
             "Error of the rotation of each joint relative to its parent",
             scores.joint_errors_deg,
             "deg",
         ),
-    ]
-    return [table for table in tables if table.rows]
-
-
-def _joint_table(name: str, title: str, errors: Mapping[str, JointErrors], unit: str) -> Table:
-    joints = [joint for joint in SMPL_JOINTS if any(joint in of for of in errors.values())]
-    return Table(
-        name=name,
-        title=title,
-        columns=["joint", *(f"{result.replace(' ', '_')}_{unit}" for result in errors)],
-        rows=[[joint, *(of.get(joint) for of in errors.values())] for joint in joints],
-    )
+    ):
+        columns = ["joint", *(f"{result.replace(' ', '_')}_{unit}" for result in errors)]
+        joints = [joint for joint in SMPL_JOINTS if any(joint in of for of in errors.values())]
+        rows: list[list[Cell]] = [[j, *(of.get(j) for of in errors.values())] for j in joints]
+        if rows:
+            tables.append(Table(name=name, title=title, columns=columns, rows=rows))
+    return tables
 
 
 def hand_tables(rows: Sequence[ScoreRow]) -> list[Table]:

@@ -183,15 +183,10 @@ def observability_table(claimed: Uncertainty, sync: SyncSummary) -> Table:
     )
 
 
-def observability_markdown(title: str, claimed: Uncertainty, sync: SyncSummary) -> str:
-    """The whole observability report as a page."""
-    lines = "\n".join(f"* {sentence}" for sentence in sentences(claimed, sync, most=None))
-    return f"# {title}: observability\n\n{claimed.status}\n\n{lines}\n"
-
-
 def write_observability(folder: Path, title: str, claimed: Uncertainty, sync: SyncSummary) -> str:
     """Write the whole observability report into a folder; returns its file name."""
-    text = observability_markdown(title, claimed, sync)
+    lines = "\n".join(f"* {sentence}" for sentence in sentences(claimed, sync, most=None))
+    text = f"# {title}: observability\n\n{claimed.status}\n\n{lines}\n"
     (folder / FILE).write_text(text, encoding="utf-8")
     return FILE
 
@@ -235,19 +230,14 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
     videos: list[list[Cell]] = [
         [
             v.id + (" (reference)" if v.id == sync.reference else ""),
-            _treated(sync, v.id),
-            _finite_or_none(v.outlier_score),
-            _finite_or_none(v.mirror_margin),
-            _finite_or_none(v.left_out_frames),
-            _finite_or_none(v.left_out_s),
-            _finite_or_none(v.left_out_share),
-            _finite_or_none(v.repetition_s),
-            _finite_or_none(v.repetition_ratio),
+            "excluded" if v.id in sync.excluded else "mirrored" if v.id in sync.mirrored else "",
+            *map(_finite, (v.outlier_score, v.mirror_margin, v.left_out_frames, v.left_out_s)),
+            *map(_finite, (v.left_out_share, v.repetition_s, v.repetition_ratio)),
         ]
         for v in sync.trust.videos
     ]
     triples: list[list[Cell]] = [
-        [" ".join(t.videos), _finite_or_none(t.frames), _finite_or_none(t.seconds), t.share]
+        [" ".join(t.videos), _finite(t.frames), _finite(t.seconds), t.share]
         for t in sync.trust.triples
     ]
     columns = ["video", "treated", "outlier_score", "mirror_margin"]
@@ -282,13 +272,3 @@ def _nothing_noticed(trust: SyncTrust) -> str:
         "With two videos it cannot be decided which of them shows another action, so none is left "
         "out; neither seems mirrored."
     )
-
-
-def _treated(sync: SyncSummary, video: str) -> str:
-    if video in sync.excluded:
-        return "excluded"
-    return "mirrored" if video in sync.mirrored else ""
-
-
-def _finite_or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -11,7 +11,7 @@ from imocap_core.adapters.participants import mirrored_camera
 from imocap_core.adapters.relative_motion import paths_of, relative_motions
 from imocap_core.artifacts.schemas import Camera, VideoMotion
 from imocap_core.camera.projection import Lens, intrinsics, project
-from imocap_core.export.side_files import per_frame
+from imocap_core.io.writers.export_npz import CameraFrames
 from imocap_core.result.video import VideoCamera
 
 FRAMES, SIZE = 6, (480, 270)
@@ -30,7 +30,7 @@ def camera(path_m: np.ndarray | None) -> VideoCamera:
 def test_its_frames_project_as_it_does():
     points = np.random.default_rng(1).normal(0, 0.5, (FRAMES, 7, 3))
     for moving in (camera(PATH), camera(None)):
-        frames = per_frame(moving)
+        frames = CameraFrames(moving.K_per_frame, moving.R_per_frame, moving.t_per_frame)
         pixels = [
             project(x, *of_frame)
             for x, *of_frame in zip(points, frames.K, frames.R, frames.t, strict=True)

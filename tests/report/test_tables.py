@@ -40,11 +40,11 @@ from imocap_core.report.tables import (
 )
 from imocap_core.report.uncertainty_tables import (
     SHOWN,
-    observability_markdown,
     observability_table,
     sentences,
     trust_tables,
     uncertainty_tables,
+    write_observability,
 )
 from tests.made_sync import stored_matrix
 from tests.report.made import SIZE, K, Made
@@ -297,12 +297,13 @@ def test_a_missing_side_is_suggested_where_one_stands_out(made: Made) -> None:
     assert line.startswith("No side is suggested for one more camera: v3 may show what is missing")
 
 
-def test_the_page_names_the_worst_and_the_file_all(made: Made) -> None:
+def test_the_page_names_the_worst_and_the_file_all(made: Made, tmp_path: Path) -> None:
     weak = [span("v1", 100.0 - k) for k in range(SHOWN + 3)]
     claimed = changed(made, weak=weak)
     assert sum("left wrist" in s for s in sentences(claimed, made.refined.sync)) == SHOWN
     assert "observability.md lists 3 more spans." in sentences(claimed, made.refined.sync)
-    page = observability_markdown("yoga", claimed, made.refined.sync)
+    name = write_observability(tmp_path, "yoga", claimed, made.refined.sync)
+    page = (tmp_path / name).read_text(encoding="utf-8")
     assert page.count("left wrist") == SHOWN + 3
     assert page.startswith("# yoga: observability")
     table = observability_table(claimed, made.refined.sync)

@@ -1,45 +1,24 @@
 """Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics, TensorFlow.js.
 
-COCO's results: one JSON list per clip with one entry per person and frame. Each entry has
-``image_id`` (here the frame number, or a picture's name that ends in it), ``keypoints`` (x, y,
-score, x, y, score, ... of the detector's points, pixels) and a ``score`` of the whole person, as
-COCO's page on result formats describes; whole-body results (COCO-WholeBody) add ``foot_kpts``,
-``face_kpts``, ``lefthand_kpts`` and ``righthand_kpts``. An annotation file's visibility flags (0
-not labelled, 1 hidden, 2 visible) count as 0, 1 and 1. Category, box and the person's score are not
-used: the performer is found by the joints' positions.
+docs/formats.md names the files and the fields that are used. Confidences of heat maps may exceed 1
+and then count as 1; an annotation's visibility (0 not labelled, 1 hidden, 2 visible) as 0, 1 and 1.
 
-AlphaPose: `alphapose-results.json`, one list per clip with one entry per person and frame. As
-AlphaPose documents it: ``image_id`` is the picture's name (``12.jpg`` of a video is frame 12),
-``category_id`` 1, ``keypoints`` x, y (pixels) and confidence of every point, and ``score`` of the
-person; newer versions add ``box`` and ``idx``. Models of COCO have 17 points, of Halpe 26 or 136,
-of COCO-WholeBody 133. Confidences of heat maps may exceed 1 and then count as 1. The person's
-score, box and track are not used: people are tracked by their joints.
-
-Its other forms (``--format cmu`` and ``open``) are a dictionary by picture name with ``bodies``
-(``joints``) or ``people`` (``pose_keypoints_2d``) of 18 points, and the same as a folder
+AlphaPose's other forms (``--format cmu`` and ``open``) are a dictionary by picture name with
+``bodies`` (``joints``) or ``people`` (``pose_keypoints_2d``) of 18 points, and the same as a folder
 ``sep-json`` with one file a picture.
 
-MMPose: the predictions of one clip as one JSON file. Its demos write ``meta_info`` and
-``instance_info``; its inferencer writes the list alone. The list has one entry per frame:
-``frame_id`` and ``instances``, each with ``keypoints`` [[x, y], ...] in pixels and
-``keypoint_scores``. The demos count frames from 1, the inferencer from 0: a list that starts at
-frame 1 and skips none counts from 1. Boxes and their scores are not used.
+MMPose's demos count frames from 1, its inferencer from 0: a list that starts at frame 1 and skips
+none counts from 1. What the inferencer returns, saved as it is, is a list of frames that are lists
+of people, or a ``predictions`` or a list of one such list; of a folder of pictures, one such list a
+file.
 
-What the inferencer returns, saved as it is, is a list of frames that are lists of people, or a
-``predictions`` or a list of one such list; of a folder of pictures it writes one such list a file.
+Ultralytics' JSON has one entry a frame, a list of people (or its text) with ``keypoints`` {x, y,
+visible}, pixels or shares of the picture. Its labels are a folder with a file a frame that has
+people, ``NAME_1.txt`` of the first frame of a video; each row is a class, a box and x, y
+(, confidence) of the points as shares, then possibly a confidence and a track.
 
-Ultralytics' pose models (YOLO): results saved as JSON, or the labels that ``save_txt`` writes.
-JSON: a list with one entry a frame, what ``summary()`` or ``to_json()`` of its result gives: a list
-of people (or its text) with ``keypoints`` {x, y, visible}, pixels or shares of the picture. Labels:
-a folder with a file a frame that has people, ``NAME_1.txt`` of the first frame of a video; each
-row is a class, a box and x, y (, confidence) of the points as shares, then possibly a confidence
-and a track. Boxes and tracks are not used.
-
-TensorFlow.js' pose detection (MoveNet, BlazePose, PoseNet): its results, saved as JSON.
-
-A list with one entry a frame, a list of people or a person, each with ``keypoints``: a list of {x,
-y, score, name}, or PoseNet's {position: {x, y}, score, part}, in pixels. Points are assigned to the
-layout by their names.
+TensorFlow.js: one entry a frame, a list of people or a person, each with ``keypoints``: a list of
+{x, y, score, name}, or PoseNet's {position: {x, y}, score, part}, in pixels.
 """
 
 from __future__ import annotations
@@ -59,6 +38,7 @@ from imocap_core.io.readers.people import (
     detections,
     flat_points,
     frame_number,
+    listed,
     matched_columns,
     must_have_layout,
     numbered_contents,
@@ -88,11 +68,9 @@ def read_entries(path: Path, layout: str, what: str) -> DetectedPeople:
     entries = read_json(path)
     if isinstance(entries, dict) and isinstance(entries.get("annotations"), list):
         entries = entries["annotations"]  # an annotation file
-    if not isinstance(entries, list):
-        raise ValueError(
-            f"{path}: expected {what}'s list of results, got {type_name(entries)}; name the file "
-            "with the whole clip"
-        )
+    entries = listed(
+        entries, path, f"{what}'s list of results", "name the file with the whole clip"
+    )
     people: dict[int, list[np.ndarray]] = {}
     for i, entry in enumerate(entries):
         where = f"{path}: [{i}]"
@@ -138,16 +116,16 @@ def _by_picture(frames: Iterable[tuple[int, Any, str]], layout: str, path: Path)
     people = {}
     for frame, content, where in frames:
         name = next((n for n in PERSON_FIELDS if isinstance(content, dict) and n in content), None)
-        listed = content[name] if name is not None else None
-        if name is None or not isinstance(listed, list):
-            raise ValueError(f"{where}: expected `bodies` or `people`, got {type_name(listed)}")
+        of_frame = content[name] if name is not None else None
+        if name is None or not isinstance(of_frame, list):
+            raise ValueError(f"{where}: expected `bodies` or `people`, got {type_name(of_frame)}")
         people[frame] = [
             flat_points(
                 person.get(PERSON_FIELDS[name]) if isinstance(person, dict) else person,
                 layout,
                 f"{where}.{name}[{n}]",
             )
-            for n, person in enumerate(listed)
+            for n, person in enumerate(of_frame)
         ]
     return detections(people, layout, path)
 
@@ -161,19 +139,16 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
     must_have_layout(MMPOSE_LAYOUTS, layout, "MMPose", path)
     if path.is_dir():
         contents = numbered_contents(path, "MMPose")
-        listed: list[Any] = [{"frame_id": n, "instances": people} for n, people, _ in contents]
+        entries: list[Any] = [{"frame_id": n, "instances": people} for n, people, _ in contents]
     else:
-        listed = frames_of(read_json(path), path)
+        entries = frames_of(read_json(path), path)
     people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
-    for i, entry in enumerate(listed):
+    for i, entry in enumerate(entries):
         where = f"{path}: [{i}]"
         entry = people_of(entry)
         entry = {"instances": entry} if isinstance(entry, list) else entry
         instances = entry.get("instances") if isinstance(entry, dict) else None
-        if not isinstance(instances, list):
-            raise ValueError(
-                f"{where}.instances: expected a list of people, got {type_name(instances)}"
-            )
+        instances = listed(instances, f"{where}.instances", "a list of people")
         frame = frame_number(entry.get("frame_id", i), f"{where}.frame_id")
         people[frame] = people.get(frame, []) + [
             _person(person, layout, f"{where}.instances[{n}]") for n, person in enumerate(instances)
@@ -185,13 +160,9 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
 
 def frames_of(content: Any, path: Path) -> list[Any]:
     """The list of frames, in either form. ValueError when there is none."""
-    listed = content.get("instance_info") if isinstance(content, dict) else content
-    if not isinstance(listed, list):
-        raise ValueError(
-            f"{path}: instance_info: expected a list with one entry per frame, got "
-            f"{type_name(listed)}; save the predictions of the whole video"
-        )
-    return listed
+    frames = content.get("instance_info") if isinstance(content, dict) else content
+    what, advice = "a list with one entry per frame", "save the predictions of the whole video"
+    return listed(frames, f"{path}: instance_info", what, advice)
 
 
 def _person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
@@ -247,13 +218,11 @@ def is_person(entry: Any) -> bool:
 
 
 def _json(path: Path, layout: str) -> dict[int, list[Float[np.ndarray, "K 3"]]]:
-    listed = read_json(path)
-    if isinstance(listed, dict):
-        listed = listed.get("frames", listed)
-    if not isinstance(listed, list):
-        raise ValueError(f"{path}: expected a list with one entry a frame, got {type_name(listed)}")
+    content = read_json(path)
+    if isinstance(content, dict):
+        content = content.get("frames", content)
     people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
-    for i, entry in enumerate(listed):
+    for i, entry in enumerate(listed(content, path, "a list with one entry a frame")):
         in_frame, where = people_of(entry), f"{path}: [{i}]"
         if not isinstance(in_frame, list):
             raise ValueError(f"{where}: expected a list of people, got {short(entry)}")
@@ -292,7 +261,18 @@ def _labels(folder: Path, layout: str) -> dict[int, list[Float[np.ndarray, "K 3"
     files = numbered_files(folder, ".txt", "Ultralytics")
     count = len(layout_names(layout))
     first = min(min(files), 1)  # of a video they count from 1
-    return {n - first: [_row(r, count, where) for r, where in rows_of(f)] for n, f in files.items()}
+    people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
+    for n, file in files.items():
+        people[n - first] = []
+        for row, where in rows_of(file):
+            person = points_in(row, count)
+            if person is None:
+                raise ValueError(
+                    f"{where}: expected a class, a box and {count} points, got {len(row)} numbers; "
+                    f"run a pose model, and check `layout` in action.yaml"
+                )
+            people[n - first].append(person)
+    return people
 
 
 def rows_of(file: Path) -> list[tuple[list[float], str]]:
@@ -317,16 +297,6 @@ def points_in(row: list[float], count: int) -> Float[np.ndarray, "K 3"] | None:
     return None
 
 
-def _row(row: list[float], count: int, where: str) -> Float[np.ndarray, "K 3"]:
-    person = points_in(row, count)
-    if person is None:
-        raise ValueError(
-            f"{where}: expected a class, a box and {count} points, got {len(row)} numbers; run a "
-            f"pose model, and check `layout` in action.yaml"
-        )
-    return person
-
-
 TFJS_LAYOUTS = ("coco17", "mediapipe33")
 
 
@@ -346,8 +316,11 @@ def read_tfjs(path: Path, layout: str) -> DetectedPeople:
 def tfjs_people(entry: Any) -> list[dict[str, Any]]:
     """The people of a frame's entry who have named points."""
     people = people_of(entry)
-    listed = people if isinstance(people, list) else []
-    return [p for p in listed if isinstance(p, dict) and tfjs_names(p.get("keypoints"))]
+    return [
+        p
+        for p in (people if isinstance(people, list) else [])
+        if isinstance(p, dict) and tfjs_names(p.get("keypoints"))
+    ]
 
 
 def tfjs_names(points: Any) -> list[str]:
@@ -358,12 +331,12 @@ def tfjs_names(points: Any) -> list[str]:
     return names if all(isinstance(name, str) for name in names) else []
 
 
-def _named_points(listed: list[Any], layout: str, where: str) -> Float[np.ndarray, "K 3"]:
+def _named_points(named: list[Any], layout: str, where: str) -> Float[np.ndarray, "K 3"]:
     table = np.full((len(layout_names(layout)), 3), np.nan)
-    for column, n in matched_columns(tfjs_names(listed), layout, where).items():
-        place = listed[n].get("position", listed[n])
+    for column, n in matched_columns(tfjs_names(named), layout, where).items():
+        place = named[n].get("position", named[n])
         try:
-            table[column] = [place["x"], place["y"], listed[n].get("score", 1.0)]
+            table[column] = [place["x"], place["y"], named[n].get("score", 1.0)]
         except (TypeError, ValueError, LookupError):
-            raise ValueError(f"{where}: expected x, y and score, got {short(listed[n])}") from None
+            raise ValueError(f"{where}: expected x, y and score, got {short(named[n])}") from None
     return cleaned(table)

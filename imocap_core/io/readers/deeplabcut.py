@@ -1,28 +1,20 @@
 """DeepLabCut and SLEAP: the CSV of one video, or its .h5.
 
-DeepLabCut: the .h5 of one video, a pandas data frame in PyTables' layout (`format="table"`). One
-group, of any name, has the attribute ``pandas_type`` frame_table and the compound dataset
-``table``: ``index`` (the frame) and ``values_block_0`` (C,), ... of every row. Pickled attributes
-name the columns: ``info`` the heading rows, ``values_block_0_kind`` the C columns of the block,
-tuples (scorer, [individual,] body part, coordinate). They are read by the restricted unpickler.
+Body parts and nodes are assigned to the points of the declared layout by name; others are ignored.
 
-DeepLabCut: the CSV of one video, with three or four heading rows, or its .h5. As its documentation
-describes: the rows ``scorer``, (``individuals`` in projects with several,) ``bodyparts`` and
-``coords`` (x, y, likelihood) name the columns; then one row per frame, the frame's number first,
-pixels. Body parts have the names that their project gave them: they are assigned to the points of
-the declared layout by name (see `part_names`), those that the layout lacks are ignored, and points
-without a body part are missing.
+DeepLabCut's .h5 is a pandas data frame in PyTables' layout (`format="table"`). One group, of any
+name, has the attribute ``pandas_type`` frame_table and the compound dataset ``table``: ``index``
+(the frame) and ``values_block_0`` (C,), ... of every row. Pickled attributes name the columns:
+``info`` the heading rows, ``values_block_0_kind`` the C columns of the block, tuples (scorer,
+[individual,] body part, coordinate). They are read by the restricted unpickler. Its CSV has the
+rows ``scorer``, (``individuals``,) ``bodyparts`` and ``coords`` (x, y, likelihood), then one row
+per frame, the frame's number first, pixels.
 
-SLEAP: the analysis .h5 of one video, as SLEAP and sleap-io export it. ``tracks`` x, y of every
-track, node and frame; ``point_scores`` (optional); ``node_names``. The attribute ``dims`` of a
-dataset names its axes (JSON); without it they are those of SLEAP's own export, (track, xy, node,
-frame). Frames count from 0. Missing points are NaN.
-
-SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5. As SLEAP
-exports it: ``track``, ``frame_idx``, ``instance.score``, then ``NODE.x``, ``NODE.y`` (and
-``NODE.score``) of every node of the skeleton, pixels. Nodes are assigned to the points of the
-declared layout by name (see `part_names`). Tracks and scores of instances are not used: people are
-tracked by their joints.
+SLEAP's analysis .h5, as SLEAP and sleap-io export it: ``tracks`` x, y of every track, node and
+frame; ``point_scores`` (optional); ``node_names``. The attribute ``dims`` of a dataset names its
+axes (JSON); without it they are those of SLEAP's own export, (track, xy, node, frame). Frames count
+from 0. Its CSV has one row per person and frame: ``track``, ``frame_idx``, ``instance.score``, then
+``NODE.x``, ``NODE.y`` (and ``NODE.score``) of every node, pixels.
 """
 
 from __future__ import annotations
@@ -170,6 +162,7 @@ def _headings(columns: Any, levels: list[str], path: Path) -> dict[str, list[str
 
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+MISSING = ("", "none", "null", "na", "n/a")
 
 
 def read_deeplabcut(path: Path, layout: str) -> DetectedPeople:
@@ -200,16 +193,15 @@ def read_csv(path: Path) -> list[list[str]]:
             if any(map(str.strip, row))
         ]
         if between != ",":
-            rows = [[_with_point(cell) for cell in row] for row in rows]
+            rows = [
+                [c.replace(",", ".") if DECIMAL_COMMA.fullmatch(c.strip()) else c for c in row]
+                for row in rows
+            ]
     except (csv.Error, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: is not a CSV file ({error}); export it again") from None
     if not rows:
         raise ValueError(f"{path}: expected a CSV file with headings, got an empty file")
     return rows
-
-
-def _with_point(cell: str) -> str:
-    return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell.strip()) else cell
 
 
 def _of_csv(path: Path) -> DeepLabCutTable:
@@ -219,9 +211,10 @@ def _of_csv(path: Path) -> DeepLabCutTable:
     frames, values = [], []
     for number, row in enumerate(rows[len(headings) :], start=len(headings) + 1):
         where = f"{path}: row {number}"
-        values.append(_numbers(row, count, where))
-        frames.append(frame_number(_as_number(row[0]), where))
-    table = np.array(values).reshape(len(values), count)
+        must_be_whole(row, count + 1, where)
+        values.append([cell_number(cell, where) for cell in row[1:]])
+        frames.append(frame_number(int(row[0]) if row[0].strip().isdigit() else row[0], where))
+    table = np.array(values, float).reshape(len(values), count)
     return DeepLabCutTable(headings, np.array(frames, dtype=np.int64), table)
 
 
@@ -239,20 +232,18 @@ def _csv_headings(rows: list[list[str]], path: Path) -> dict[str, list[str]]:
     return {name: [cell.strip() for cell in columns] for name, columns in headings.items()}
 
 
-def _numbers(row: list[str], count: int, where: str) -> Float[np.ndarray, " _"]:
-    """The `count` numbers after a row's first cell, the frame; empty ones are NaN."""
-    if len(row) != count + 1:
-        raise ValueError(
-            f"{where}: expected {count + 1} cells, got {len(row)}; the file is cut off?"
-        )
+def must_be_whole(row: list[str], count: int, where: str) -> None:
+    """ValueError unless a row has as many cells as the heading."""
+    if len(row) != count:
+        raise ValueError(f"{where}: expected {count} cells, got {len(row)}; the file is cut off?")
+
+
+def cell_number(cell: str, where: str) -> float:
+    """A cell as a number, NaN when it is empty or says so."""
     try:
-        return np.array([float(cell) if cell.strip() else np.nan for cell in row[1:]])
-    except ValueError as error:
-        raise ValueError(f"{where}: expected numbers only: {error}") from None
-
-
-def _as_number(cell: str) -> int | str:
-    return int(cell) if cell.strip().isdigit() else cell
+        return float("nan") if cell.strip().lower() in MISSING else float(cell)
+    except ValueError:
+        raise ValueError(f"{where}: expected numbers only, got {short(cell)}") from None
 
 
 TRACKS, SCORES, NODES = "tracks", "point_scores", "node_names"
@@ -336,16 +327,13 @@ def read_sleap(path: Path, layout: str) -> DetectedPeople:
     people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
     for number, row in enumerate(rows[1:], start=2):
         where = f"{path}: row {number}"
-        if len(row) != len(heading):
-            raise ValueError(
-                f"{where}: expected {len(heading)} cells, got {len(row)}; the file is cut off?"
-            )
-        frame = frame_number(_number(row[column_of[FRAME]], where), f"{where}.{FRAME}")
+        must_be_whole(row, len(heading), where)
+        frame = frame_number(cell_number(row[column_of[FRAME]], where), f"{where}.{FRAME}")
         person = np.full((len(layout_names(layout)), 3), np.nan)
         for column, node in columns.items():
-            x, y = (_number(row[column_of[f"{names[node]}.{axis}"]], where) for axis in "xy")
+            x, y = (cell_number(row[column_of[f"{names[node]}.{axis}"]], where) for axis in "xy")
             score = column_of.get(f"{names[node]}.score")
-            person[column] = x, y, 1.0 if score is None else _number(row[score], where)
+            person[column] = x, y, 1.0 if score is None else cell_number(row[score], where)
         people.setdefault(frame, []).append(cleaned(person))
     return detections(people, layout, path)
 
@@ -363,11 +351,3 @@ def _nodes(heading: list[str], path: Path) -> list[str]:
             f"{', '.join(heading):.80}; export SLEAP's analysis CSV"
         )
     return names
-
-
-def _number(cell: str, where: str) -> float:
-    """A cell as a number, NaN when it is empty."""
-    try:
-        return float(cell) if cell.strip() else float("nan")
-    except ValueError:
-        raise ValueError(f"{where}: expected numbers only, got {short(cell)}") from None

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
-from imocap_core.io.readers.people import LARGEST, read_json, short, type_name
+from imocap_core.io.readers.people import LARGEST, listed, read_json, short, type_name
 from imocap_core.rotations import exp
 
 REACH = 0.75  # of the larger side of the performer's box: further away it is somebody else
@@ -170,14 +170,6 @@ def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " 
     return values.astype(np.int64)
 
 
-def people_of(content: Any, path: Path) -> dict[str, Any]:
-    """Person -> fields, as VIBE and WHAM write them. ValueError for other content."""
-    if not isinstance(content, dict) or not content:
-        got = "an empty one" if isinstance(content, dict) else type_name(content)
-        raise ValueError(f"{path}: expected a dictionary of people, got {got}")
-    return {str(name): fields for name, fields in content.items()}
-
-
 @dataclass(frozen=True)
 class PersonInFrame:
     """One person's values in one frame; middle_px: NaN where the file has no place in the
@@ -190,11 +182,10 @@ class PersonInFrame:
 
 def frame_entries(content: Any, path: Path) -> list[Any]:
     """The entries of a list with one for each frame. ValueError when it is none, or empty."""
-    listed = list(content) if isinstance(content, np.ndarray) and content.ndim else content
-    if not isinstance(listed, list) or not listed:
-        got = "an empty one" if isinstance(listed, list) else type_name(listed)
-        raise ValueError(f"{path}: expected a list with one entry per frame, got {got}")
-    return listed
+    entries = listed(content, path, "a list with one entry per frame")
+    if not entries:
+        raise ValueError(f"{path}: expected a list with one entry per frame, got an empty one")
+    return entries
 
 
 def is_empty(people: Any) -> bool:
@@ -224,9 +215,24 @@ def of_performer(
     middle = np.array([person.middle_px for person in people])
     places = middle if np.isfinite(middle).all() else None
     frames = np.array([person.frame for person in people], dtype=np.int64)
-    entries = Entries(frames, np.zeros(len(people), dtype=np.int64), places)
-    values = np.stack([person.values for person in people])
-    return select_rows(values, performer_rows(entries, performer, path))
+    return of_tracks([(frames, places, np.stack([p.values for p in people]))], performer, path)
+
+
+Track = tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 2"] | None, Float[np.ndarray, "..."]]
+
+
+def of_tracks(
+    tracks: Sequence[Track], performer: PerformerBoxes, path: Path
+) -> Float[np.ndarray, "T *rest"]:
+    """The performer's values at the used frames, NaN where missing.
+
+    tracks: of each person the frames (N,), the middles in the picture (N, 2) or None, the values.
+    """
+    frames, middles, values = zip(*tracks, strict=True)
+    track = np.repeat(np.arange(len(tracks)), [len(each) for each in frames])
+    places = None if any(m is None for m in middles) else np.concatenate(middles)
+    entries = Entries(np.concatenate(frames), track, places)
+    return select_rows(np.concatenate(values), performer_rows(entries, performer, path))
 
 
 MiddleOf = Callable[
@@ -237,18 +243,23 @@ MiddleOf = Callable[
 def performer_of(
     path: Path, performer: PerformerBoxes, middle_px: MiddleOf
 ) -> Float[np.ndarray, "T 24 3 3"]:
-    """The performer's joint rotations in camera axes, NaN where missing.
+    """The performer's joint rotations in camera axes, NaN where missing, of VIBE and WHAM.
 
     ValueError names file, person, field, expected and got.
     """
-    frames, track, middle, poses = [], [], [], []
-    for number, (name, person) in enumerate(people_of(read_results(path), path).items()):
+    tracks: list[Track] = []
+    for name, person in fields_of(read_results(path), path, "of people").items():
         where = f"{path}: person {name}"
         pose = field(person, "pose", ("N", 72), where)
-        middle.append(middle_px(person, len(pose), where))
-        frames.append(frame_ids(field(person, "frame_ids", (len(pose),), where), where))
-        track.append(np.full(len(pose), number))
-        poses.append(pose)
-    entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
-    rows = performer_rows(entries, performer, path)
-    return select_rows(from_vectors(np.concatenate(poses)), rows)
+        middle = middle_px(person, len(pose), where)
+        frames = frame_ids(field(person, "frame_ids", (len(pose),), where), where)
+        tracks.append((frames, middle, pose))
+    return from_vectors(of_tracks(tracks, performer, path))
+
+
+def fields_of(content: Any, path: Path, what: str) -> dict[str, Any]:
+    """A dictionary, with keys as text. ValueError for other content."""
+    if not isinstance(content, dict) or not content:
+        got = "an empty one" if isinstance(content, dict) else type_name(content)
+        raise ValueError(f"{path}: expected a dictionary {what}, got {got}")
+    return {str(name): fields for name, fields in content.items()}

@@ -1,28 +1,19 @@
-"""Estimators of 3D joints: joints_npz, MeTRAbs, NLF, SAM 3D Body.
+"""Estimators of 3D joints: joints_npz, MeTRAbs, NLF, SAM 3D Body; what their users saved.
 
-MeTRAbs: what `detect_poses(..., skeleton="smpl_24")` returns, saved by the user. A list with one
-dictionary per frame: ``poses3d`` (people, 24, 3) millimetres in camera axes, in SMPL's order, and
-``boxes`` (people, 4 or more) left, top, width, height in pixels; a JSON, .npy, .pkl or .pt file.
-``poses2d`` are not used.
+MeTRAbs: a list with one dictionary per frame: ``poses3d`` (people, 24, 3) millimetres in camera
+axes, in SMPL's order, and ``boxes`` (people, 4 or more) left, top, width, height in pixels; a JSON,
+.npy, .pkl or .pt file.
 
-NLF: what `detect_smpl_batched` returns, saved by the user with torch.save, pickle or as JSON. A
-list of its dictionaries, one for every batch of pictures in the video's order, or one dictionary.
-``pose`` is a list over the pictures of (people, 72), axis-angle in camera axes (of SMPL+H and
-SMPL-X the first 66 numbers); ``boxes`` a list of (people, 4 or 5) left, top, width, height in
-pixels. Joints, vertices, shape, translation and uncertainties are not used.
+NLF: a list of `detect_smpl_batched`'s dictionaries, one for every batch of pictures in the video's
+order, or one dictionary. ``pose`` is a list over the pictures of (people, 72), axis-angle in camera
+axes (of SMPL+H and SMPL-X the first 66 numbers); ``boxes`` a list of (people, 4 or 5) as above.
 
-Files with what SAM 3D Body's estimator returns: MHR's 70 points of every person, by name. The
-estimator gives a list of people per picture, each a dictionary with ``pred_keypoints_3d`` (70, 3)
+SAM 3D Body: a list with one entry per frame, each a list of people, one person, or {``frame``:
+number, ``people``: list of people}; a person is a dictionary with ``pred_keypoints_3d`` (70, 3)
 metres in camera axes, ``pred_keypoints_2d`` (70, 2) pixels, ``bbox`` x0, y0, x1, y1 in pixels, and
-more. A file is a JSON, .npy or .pkl list with one entry per frame, each a list of people, one
-person, or {``frame``: number, ``people``: list of people}.
-
-SAM 3D Body: MHR's 70 keypoints in 3D, as its estimator returns them, saved by the user. Accepted:
-the files of `sam3d_files`, in which the performer is found by ``bbox``; or an npz with
-``pred_keypoints_3d`` (T, 70, 3) of one person and, optionally, ``frames`` (T,). All 70 points are
-read; those that are joints of SMPL (`SMPL_POINTS`) are used by the fits. Mesh, camera, and MHR's
-parameters of pose, shape and hands are of MHR's own body and not used: the joints' distances tell
-the size, and ``pred_keypoints_2d`` are keypoints with feet and hands (`detectors.sam3d_body`).
+more. Or an npz with ``pred_keypoints_3d`` (T, 70, 3) of one person and, optionally, ``frames``
+(T,). The 70 points are MHR's; those that are joints of SMPL are used by the fits. MHR's parameters
+are of its own body and not used: the joints' distances tell the size.
 """
 
 from __future__ import annotations
@@ -48,7 +39,7 @@ from imocap_core.io.readers.estimates import (
     of_performer,
     read_saved,
 )
-from imocap_core.io.readers.people import frame_number, type_name
+from imocap_core.io.readers.people import frame_number, listed
 
 
 @dataclass(frozen=True)
@@ -108,7 +99,11 @@ def read_nlf(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3
     estimates: list[PersonInFrame] = []
     frame = 0
     for n, batch in enumerate(batches):
-        poses, boxes = (_pictures(batch, name, f"{path}: [{n}]") for name in ("pose", "boxes"))
+        fields = batch if isinstance(batch, dict) else {}
+        poses, boxes = (
+            listed(fields.get(name), f"{path}: [{n}]: {name}", "a list of pictures")
+            for name in ("pose", "boxes")
+        )
         if len(poses) != len(boxes):
             raise ValueError(
                 f"{path}: [{n}]: expected as many pose and boxes, got {len(poses)} and {len(boxes)}"
@@ -117,16 +112,6 @@ def read_nlf(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3
             estimates += _people(pose, box, frame, f"{path}: [{n}]: picture {frame}")
             frame += 1
     return from_vectors(of_performer(estimates, performer, path))
-
-
-def _pictures(batch: Any, name: str, where: str) -> list[Any]:
-    """One entry a picture."""
-    pictures = batch.get(name) if isinstance(batch, dict) else None
-    if isinstance(pictures, np.ndarray) and pictures.ndim:
-        pictures = list(pictures)
-    if not isinstance(pictures, list):
-        raise ValueError(f"{where}: {name}: expected a list of pictures, got {type_name(pictures)}")
-    return pictures
 
 
 def _people(pose: Any, box: Any, frame: int, where: str) -> list[PersonInFrame]:
@@ -179,11 +164,9 @@ def saved_people(path: Path) -> Iterator[tuple[int, list[tuple[dict[str, Any], s
             people = entry.get("people")
         elif isinstance(entry, dict):
             people = [entry]
-        if isinstance(people, np.ndarray) and people.ndim:
-            people = list(people)
-        if not isinstance(people, list) or not all(isinstance(p, dict) for p in people):
-            got = type_name(people)
-            raise ValueError(f"{where}: expected a list of people with {POINTS_3D}, got {got}")
+        people = listed(people, where, f"a list of people with {POINTS_3D}")
+        if not all(isinstance(p, dict) for p in people):
+            raise ValueError(f"{where}: expected a list of people with {POINTS_3D}, got a list")
         yield frame, [(person, f"{where}[{i}]") for i, person in enumerate(people)]
 
 

@@ -1,31 +1,21 @@
 """2D keypoints as arrays: npz and npy, VideoPose3D's `data_2d_*.npz`, SAM 3D Body, Human3.6M.
 
-npz, npy: 2D keypoints of one clip as plain arrays, for detectors without a file format. RTMLib
-returns ``keypoints`` (P, K, 2) and ``scores`` (P, K) per frame and leaves saving to its user. The
-file has them stacked over frames, (T, P, K, 2) and (T, P, K), with one person also without P.
-``keypoints`` (..., 3) contains the scores. ``frames`` (T,) are the frame numbers; without it they
-count from 0. A person who is not in a frame is NaN, or has no score above 0.
+npz: ``keypoints`` (T, P, K, 2) and ``scores`` (T, P, K), with one person also without P, or
+``keypoints`` (..., 3) with the scores. ``frames`` (T,) are the frame numbers; without it they count
+from 0. A person who is not in a frame is NaN, or has no score above 0; without scores every finite
+point counts as certain. An npy file is `keypoints` alone. FreeMoCap's 2D data is of this kind,
+(cameras, T, points, 2) with MediaPipe's 33 body points first: of several cameras each video needs
+its own part.
 
-An npy file is `keypoints` alone. Without scores every finite point counts as certain. FreeMoCap's
-2D data is of this kind, (cameras, T, points, 2) with MediaPipe's 33 body points first: of several
-cameras each video needs its own part. A CSV has a row a frame and the columns x0, y0, c0, ... or
-left_knee_x, ...
-
-VideoPose3D's 2D keypoints: `data_2d_*.npz`, `positions_2d` of many clips in one file. As its page
-on datasets describes: ``positions_2d`` is {subject: {action: [(T, 17, 2) pixels, one per camera]}}
-(CPN's detections on Human3.6M: layout h36m17; a file of custom videos has the video's name for the
+VideoPose3D: ``positions_2d`` is {subject: {action: [(T, 17, 2) pixels, one per camera]}} (CPN's
+detections on Human3.6M: layout h36m17; a file of custom videos has the video's name for the
 subject, `custom` for the action and COCO's points: layout coco17), and ``metadata`` names the
-layout. Both are pickles, read without running code. There is no confidence: every finite point has
-1.
+layout. Both are pickles, read without running code. Of several clips the one named like the video's
+id is used: ``S9_Walking_1_0`` is subject S9, action "Walking 1", camera 0 (only letters and digits
+are compared), or the one whose subject is the video's file name.
 
-Of several clips the one named like the video's id is used: ``S9_Walking_1_0`` is subject S9, action
-"Walking 1", camera 0 (only letters and digits are compared), or the one whose subject is the
-video's file name.
-
-SAM 3D Body as a detector: the 70 points of every person in the picture, hands and feet too.
-``pred_keypoints_2d`` (70, 2) pixels, of the files of `sam3d_files`. They become COCO-WholeBody's
-points, without those of the face. The estimator gives no confidences: all points count as certain,
-hidden ones too.
+SAM 3D Body as a detector: ``pred_keypoints_2d`` become COCO-WholeBody's points, without those of
+the face.
 """
 
 from __future__ import annotations
@@ -103,7 +93,10 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
             "twice; number the frames from 0"
         )
     people = cleaned(table if not one_person else table[:, None])
-    present = {int(n): _present(in_frame) for n, in_frame in zip(frames, people, strict=True)}
+    present = {
+        int(n): [person for person in in_frame if (person[:, 2] > 0).any()]
+        for n, in_frame in zip(frames, people, strict=True)
+    }
     return detections(present, layout, path)
 
 
@@ -138,11 +131,6 @@ def _of_npy(
 def people_last(table: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, "..."]:
     """(T, P, K, n) of MoveNet's outputs (T, 1, P, K, n); others as they are."""
     return table[:, 0] if table.ndim == 5 and table.shape[1] == 1 else table
-
-
-def _present(people: Float[np.ndarray, "P K 3"]) -> list[Float[np.ndarray, "K 3"]]:
-    """The people of one frame who have a point."""
-    return [person for person in people if (person[:, 2] > 0).any()]
 
 
 LAYOUTS = ("h36m17", "coco17")

@@ -113,7 +113,8 @@ def _guess_json(path: Path) -> Guess:
     if "image_id" in first:
         alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
         layout = "wholebody133" if "foot_kpts" in first else None
-        return "alphapose" if alphapose else "coco", layout, list(_coco(listed))
+        people = list(_listed(listed[:PEOPLE_LOOKED_AT], "keypoints"))
+        return "alphapose" if alphapose else "coco", layout, people
     if "instances" in first:
         return "mmpose", None, list(_mmpose(listed))
     if any(name in first for name in (*PICTURE, *WORLD)):
@@ -148,7 +149,8 @@ def guess_labels(files: Sequence[Path]) -> Guess:
 def _of_lists(frames: Sequence[Any]) -> Guess | None:
     """Of frames that are lists of people: MMPose's or Ultralytics' results as they are."""
     entries = [people_of(entry) for entry in frames[:PEOPLE_LOOKED_AT]]
-    if any(is_landmarks(person) for entry in entries for person in (entry, *_list(entry))):
+    one_each = [[entry, *entry] if isinstance(entry, list) else [entry] for entry in entries]
+    if any(is_landmarks(person) for people in one_each for person in people):
         return "mediapipe", "mediapipe33", []
     if named := [person for entry in entries for person in tfjs_people(entry)]:
         return "tfjs", best_layout(tfjs_names(named[0]["keypoints"])), []
@@ -160,10 +162,6 @@ def _of_lists(frames: Sequence[Any]) -> Guess | None:
     if any(isinstance(p, dict) and "keypoint_scores" in p for p in people):
         return "mmpose", None, list(_mmpose([{"instances": people}]))
     return None
-
-
-def _list(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else []
 
 
 def _by_picture(content: dict[str, Any]) -> list[Person]:
@@ -179,16 +177,7 @@ def _by_picture(content: dict[str, Any]) -> list[Person]:
 
 def _listed(people: Any, field: str) -> Iterator[Person]:
     for person in people if isinstance(people, list) else []:
-        values = person.get(field) if isinstance(person, dict) else None
-        if isinstance(values, list) and values:
-            yield from _detected(values)
-
-
-def _coco(entries: list[Any]) -> Iterator[Person]:
-    for entry in entries[:PEOPLE_LOOKED_AT]:
-        values = entry.get("keypoints") if isinstance(entry, dict) else None
-        if isinstance(values, list) and values and len(values) % 3 == 0:
-            yield from _detected(values)
+        yield from _detected(person.get(field) if isinstance(person, dict) else None)
 
 
 def _mmpose(entries: Any) -> Iterator[Person]:
@@ -200,7 +189,7 @@ def _mmpose(entries: Any) -> Iterator[Person]:
                 yield from _detected([[*p[:2], 1.0] for p in xy])
 
 
-def _detected(values: list[Any]) -> Iterator[Person]:
+def _detected(values: Any) -> Iterator[Person]:
     """The person as floats, if the entries are numbers and a point was detected."""
     try:
         body = np.array(values, dtype=np.float64).reshape(-1, 3)
@@ -278,15 +267,7 @@ OTHERS = {  # what files that are not read are, by their suffix
     ".xml": "is an annotation; export it as COCO keypoints (CVAT: COCO Keypoints 1.0)",
 }
 MIN_MISFIT_RATIO = 2.0  # of the second best layout to the best, to accept the best
-COUNTS = {
-    17: ("coco17",),
-    18: ("coco18",),
-    25: ("body25", "body25b"),
-    26: ("halpe26",),
-    33: ("mediapipe33",),
-    133: ("wholebody133",),
-    136: ("halpe136",),
-}
+COUNTS = {n: (name,) for n, name in LAYOUT_OF_COUNT.items()} | {25: ("body25", "body25b")}
 # Points that lie (nearly) in the middle of two others, in each layout of 25 points.
 MIDDLES: dict[str, tuple[tuple[str, str, str], ...]] = {
     "body25": (("neck", "left_shoulder", "right_shoulder"), ("mid_hip", "left_hip", "right_hip")),
@@ -393,14 +374,7 @@ def _people(contents: Sequence[Any]) -> Iterator[Person]:
     """Each person of some OpenPose files who has a detected point."""
     for content in contents:
         for person in people_in(content) or []:
-            values = numbers_of(person)
-            if isinstance(values, list) and values and len(values) % 3 == 0:
-                try:
-                    body = np.array(values, dtype=np.float64).reshape(-1, 3)
-                except (TypeError, ValueError):
-                    continue
-                if (body[:, 2] > 0).any():
-                    yield body
+            yield from _detected(numbers_of(person))
 
 
 READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {

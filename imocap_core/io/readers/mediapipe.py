@@ -33,7 +33,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.npz import array_names, load_arrays, numbers
-from imocap_core.io.readers.deeplabcut import read_csv
+from imocap_core.io.readers.deeplabcut import cell_number, must_be_whole, read_csv
 from imocap_core.io.readers.estimates import Entries, PerformerBoxes, performer_rows, select_rows
 from imocap_core.io.readers.joint_estimators import JointsEstimate
 from imocap_core.io.readers.people import (
@@ -46,6 +46,7 @@ from imocap_core.io.readers.people import (
     columns_of,
     detections,
     frame_number,
+    listed,
     plain_name,
     read_json,
     short,
@@ -131,11 +132,11 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Land
             yield number, [landmarks] if np.isfinite(landmarks[:, :2]).any() else []
         return
     content = read_json(path)
-    listed = content.get("frames") if isinstance(content, dict) else content
-    if not isinstance(listed, list) or not listed:
-        got = "an empty list" if listed == [] else type_name(listed)
+    entries = content.get("frames") if isinstance(content, dict) else content
+    if not isinstance(entries, list) or not entries:
+        got = "an empty list" if entries == [] else type_name(entries)
         raise ValueError(f"{path}: frames: expected a list with one entry per frame, got {got}")
-    for i, entry in enumerate(listed):
+    for i, entry in enumerate(entries):
         where = f"{path}: [{i}]"
         if entry is None:
             continue
@@ -161,18 +162,16 @@ def is_landmarks(person: Any) -> bool:
     )
 
 
-def _people(listed: Any, where: str) -> Iterator[Landmarks]:
-    if listed is None or listed == []:
+def _people(content: Any, where: str) -> Iterator[Landmarks]:
+    if content is None or content == []:
         return
-    if isinstance(listed, dict):  # protobuf's JSON
-        listed = listed.get("landmark")
-    if not isinstance(listed, list):
-        raise ValueError(f"{where}: expected a list of {POINTS} landmarks, got {type_name(listed)}")
-    if listed and all(isinstance(item, list) and len(item) == POINTS for item in listed):
-        for n, person in enumerate(listed):
+    content = content.get("landmark") if isinstance(content, dict) else content  # protobuf's JSON
+    people = listed(content, where, f"a list of {POINTS} landmarks")
+    if people and all(isinstance(item, list) and len(item) == POINTS for item in people):
+        for n, person in enumerate(people):
             yield _person(person, f"{where}[{n}]")
     else:
-        yield _person(listed, where)
+        yield _person(people, where)
 
 
 def _person(landmarks: list[Any], where: str) -> Landmarks:
@@ -264,11 +263,11 @@ def points_of_csv(path: Path) -> tuple[dict[str, Float[np.ndarray, "..."]], str 
     number = next((heading.index(name) for name in FRAME if name in heading), None)
     for n, row in enumerate(rows):
         where = f"{path}: row {n + 2}"
-        _must_be_whole(row, heading, where)
-        frames[n] = n if number is None else frame_number(_number(row[number], where), where)
+        must_be_whole(row, len(heading), where)
+        frames[n] = n if number is None else frame_number(cell_number(row[number], where), where)
         for name, axis, column in cells:
             if axis != AXES["z"] and name in places:
-                table[n, places[name], min(axis, 2)] = _number(row[column], where)
+                table[n, places[name], min(axis, 2)] = cell_number(row[column], where)
     return {"keypoints": table, "frames": frames}, layout
 
 
@@ -308,11 +307,11 @@ def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
     frames = {}
     for n, row in enumerate(rows[1:]):
         where = f"{path}: row {n + 2}"
-        _must_be_whole(row, heading, where)
-        number = n if frame is None else frame_number(_number(row[frame], where), where)
+        must_be_whole(row, len(heading), where)
+        number = n if frame is None else frame_number(cell_number(row[frame], where), where)
         frames[number] = _empty()
         for (landmark, axis), column in columns.items():
-            frames[number][landmark, axis] = _number(row[column], where)
+            frames[number][landmark, axis] = cell_number(row[column], where)
     return frames
 
 
@@ -334,12 +333,12 @@ def _long(
     frames: dict[int, Float[np.ndarray, "33 4"]] = {}
     for n, row in enumerate(rows[1:], start=2):
         where = f"{path}: row {n}"
-        _must_be_whole(row, heading, where)
-        number = frame_number(_number(row[frame], where), where)
+        must_be_whole(row, len(heading), where)
+        number = frame_number(cell_number(row[frame], where), where)
         table = frames.setdefault(number, _empty())
         if row[landmark] in places:
             for axis, column in axes:
-                table[places[row[landmark]], axis] = _number(row[column], where)
+                table[places[row[landmark]], axis] = cell_number(row[column], where)
     return frames
 
 
@@ -360,23 +359,6 @@ def _empty() -> Float[np.ndarray, "33 4"]:
     table = np.full((len(layout_names("mediapipe33")), 4), np.nan)
     table[:, 2:] = 0.0, 1.0
     return table
-
-
-MISSING = ("", "none", "null", "na", "n/a")
-
-
-def _must_be_whole(row: list[str], heading: list[str], where: str) -> None:
-    if len(row) != len(heading):
-        raise ValueError(
-            f"{where}: expected {len(heading)} cells, got {len(row)}; the file is cut off?"
-        )
-
-
-def _number(cell: str, where: str) -> float:
-    try:
-        return float("nan") if cell.strip().lower() in MISSING else float(cell)
-    except ValueError:
-        raise ValueError(f"{where}: expected numbers only, got {cell!r:.40}") from None
 
 
 FIELDS = ("left_hand_landmarks", "right_hand_landmarks")
@@ -410,8 +392,8 @@ def read_mediapipe_hands(
             continue
         table = numbers(arrays, name, ("T", HAND_POINTS, 3), path)
         rows = np.arange(len(table))
-        listed = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
-        row_of = {int(frame): row for row, frame in enumerate(listed)}
+        numbered = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
+        row_of = {int(frame): row for row, frame in enumerate(numbered)}
         for t, frame in enumerate(frames.tolist()):
             if frame in row_of:
                 xy_px[t, side] = table[row_of[frame], :, :2] * size

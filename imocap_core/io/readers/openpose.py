@@ -7,8 +7,8 @@ OpenPose's hands: `hand_left_keypoints_2d` and `hand_right_keypoints_2d` of one 
 
 EasyMocap: a folder ``annots/CAMERA`` with one JSON file a frame.
 
-Each file has ``annots``, a list of people with ``keypoints`` [[x, y, confidence], ...] (BODY_25
-unless another model was chosen); boxes, ids, hands and faces are not used.
+Each file has ``annots``, a list of people with ``keypoints`` [[x, y, confidence], ...], BODY_25
+unless another model was chosen.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from jaxtyping import Float, Int
 
 from imocap_core.io.readers.people import (
     DetectedPeople,
-    cleaned,
     detections,
+    flat_points,
+    listed,
     must_have_layout,
     numbered_contents,
     numbered_files,
@@ -69,13 +70,13 @@ def _frames(path: Path) -> dict[int, tuple[Any, str]]:
     """Frame number -> its file or its content, and what messages call it."""
     if path.is_dir():
         return {number: (file, str(file)) for number, file in numbered_files(path).items()}
-    listed = read_json(path)
-    if not isinstance(listed, list):
-        raise ValueError(
-            f"{path}: expected a folder with one OpenPose JSON file per frame, or one file with a "
-            f"list of all frames, got {type_name(listed)}; check `keypoints` in action.yaml"
-        )
-    return {number: (content, f"{path}: [{number}]") for number, content in enumerate(listed)}
+    frames = listed(
+        read_json(path),
+        path,
+        "a folder with one OpenPose JSON file per frame, or one file with a list of all frames",
+        "check `keypoints` in action.yaml",
+    )
+    return {number: (content, f"{path}: [{number}]") for number, content in enumerate(frames)}
 
 
 def _people(content: Any, where: str) -> list[Any]:
@@ -105,33 +106,11 @@ def numbers_of(person: Any) -> Any:
 
 def _read_frame(content: Any, layout: str, where: str) -> Float[np.ndarray, "P K 3"]:
     bodies = [
-        _read_person(person, layout, f"{where}: people[{i}].pose_keypoints_2d")
+        flat_points(values, layout, f"{where}: people[{i}].pose_keypoints_2d")
         for i, person in enumerate(_people(content, where))
+        if (values := numbers_of(person)) != []  # OpenPose's of a person without a body
     ]
-    present = [body for body in bodies if body is not None]
-    return np.stack(present) if present else np.zeros((0, POINTS[layout], 3))
-
-
-def _read_person(person: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"] | None:
-    """The points, or None for a person without a body (OpenPose then writes an empty list)."""
-    values = numbers_of(person)
-    if not isinstance(values, list):
-        raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
-    if not values:
-        return None
-    expected = 3 * POINTS[layout]
-    if len(values) != expected:
-        fitting = " or ".join(name for name, k in POINTS.items() if 3 * k == len(values))
-        advice = f"set layout: {fitting} in action.yaml" if fitting else "check the detector"
-        raise ValueError(
-            f"{where}: expected {expected} numbers (x, y, confidence of the {POINTS[layout]} "
-            f"points of {layout}), got {len(values)}; {advice}"
-        )
-    try:
-        body = np.array(values, dtype=np.float64).reshape(-1, 3)
-    except (TypeError, ValueError):
-        raise ValueError(f"{where}: expected numbers only, got {values!r:.60}") from None
-    return cleaned(body)
+    return np.stack(bodies) if bodies else np.zeros((0, POINTS[layout], 3))
 
 
 FIELDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d")
@@ -217,15 +196,13 @@ def read_easymocap(path: Path, layout: str) -> DetectedPeople:
         raise ValueError(f"{path}: expected EasyMocap's folder annots/CAMERA, with a file a frame")
     people = {}
     for number, content, where in numbered_contents(path, "EasyMocap"):
-        listed = content.get("annots") if isinstance(content, dict) else None
-        if not isinstance(listed, list):
-            raise ValueError(f"{where}: annots: expected a list of people, got {type_name(listed)}")
+        annots = content.get("annots") if isinstance(content, dict) else None
         people[number] = [
             points(
                 person.get("keypoints") if isinstance(person, dict) else None,
                 layout,
                 f"{where}: annots[{n}].keypoints",
             )
-            for n, person in enumerate(listed)
+            for n, person in enumerate(listed(annots, f"{where}: annots", "a list of people"))
         ]
     return detections(people, layout, path)

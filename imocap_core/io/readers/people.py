@@ -28,7 +28,11 @@ def numbered_files(folder: Path, suffix: str = ".json", what: str = "OpenPose") 
     ValueError where a name has none, a number has two files, or there is no file."""
     files: dict[int, Path] = {}
     numbers_in = {file: re.findall(r"\d+", file.stem) for file in frame_files(folder, suffix)}
-    last = _place_of_number(list(numbers_in.values()))
+    every, last = list(numbers_in.values()), 1  # which of the numbers, from the last one
+    for place in range(1, min(map(len, every), default=0) + 1):  # 2 of clip_12_v2, clip_13_v2
+        if len({int(numbers[-place]) for numbers in every}) == len(every):
+            last = place
+            break
     for file, numbers in numbers_in.items():
         if not numbers:
             raise ValueError(
@@ -48,14 +52,6 @@ def numbered_files(folder: Path, suffix: str = ".json", what: str = "OpenPose") 
             f"`keypoints` in action.yaml"
         )
     return dict(sorted(files.items()))
-
-
-def _place_of_number(names: Sequence[Sequence[str]]) -> int:
-    """Which of the numbers in files' names, from the last one, is the frame's: 2 of clip_12_v2."""
-    for place in range(1, min(map(len, names), default=0) + 1):
-        if len({int(numbers[-place]) for numbers in names}) == len(names):
-            return place
-    return 1
 
 
 def numbered_contents(folder: Path, what: str) -> Iterator[tuple[int, Any, str]]:
@@ -135,6 +131,15 @@ def must_be_file(path: Path, field: str = "keypoints") -> None:
         raise ValueError(f"{path}: expected a file, found {got}; correct `{field}` in action.yaml")
 
 
+def listed(value: Any, where: Path | str, what: str, advice: str = "") -> list[Any]:
+    """The value, a list or an array as one. ValueError when it is neither; `what` was expected."""
+    value = list(value) if isinstance(value, np.ndarray) and value.ndim else value
+    if not isinstance(value, list):
+        end = f"; {advice}" if advice else ""
+        raise ValueError(f"{where}: expected {what}, got {type_name(value)}{end}")
+    return value
+
+
 def type_name(value: Any) -> str:
     """Name of a value's type, for messages."""
     return "nothing" if value is None else type(value).__name__
@@ -166,9 +171,8 @@ def flat_points(values: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"
 
     ValueError when the numbers do not fit the layout.
     """
-    if not isinstance(values, list):
-        raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
-    return points(_numbers(values, where).reshape(-1, 1), layout, where, flat=True)
+    numbers = _numbers(listed(values, where, "a list of numbers"), where)
+    return points(numbers.reshape(-1, 1), layout, where, flat=True)
 
 
 def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Float[np.ndarray, "K 3"]:

@@ -1,63 +1,44 @@
 """Estimators of SMPL (VIBE, WHAM, TRAM, PHALP and others), and all estimators by name.
 
-VIBE: `vibe_output.pkl`, written by its demo with joblib (and by tools in its format). {person:
-{``pose`` (N, 72) axis-angle, the root in camera axes, ``bboxes`` (N, 4) middle, width and height in
-pixels, ``frame_ids`` (N,), ``betas``, cameras, joints, ``verts``}}. Of several people the performer
-is found by the boxes. Cameras, shape, joints and mesh are not used.
+Used are joint rotations, the root's in camera axes, and what finds the performer among several
+people; docs/formats.md names the files. Pickles, joblib's and torch's files are read by restricted
+readers.
 
-WHAM: `wham_output.pkl`, written by its demo with joblib when asked to save. {person: {``pose`` (N,
-72) axis-angle, the root in camera axes, ``trans`` (N, 3), ``frame_ids`` (N,), ``betas``, ``verts``,
-``pose_world``, ``trans_world``}}. Of several people the performer is found by ``trans``, projected
-with WHAM's default focal length (the picture's diagonal). World motion, shape and mesh are not
-used.
+VIBE: {person: {``pose`` (N, 72) axis-angle, ``bboxes`` (N, 4) middle, width and height in pixels,
+``frame_ids`` (N,)}}. WHAM: the same with ``trans`` (N, 3), projected with WHAM's default focal
+length (the picture's diagonal), for boxes.
 
-HMMR: `hmmr_output.pkl`, one person's track, pickled by its demo. ``poses`` (N, 24, 3, 3) are
-rotation matrices, the root's in camera axes; ``cams``, ``joints``, ``kps``, ``shapes``, ``verts``
-and ``omegas`` are not used. The file has no frame numbers: N is the number of used frames, or of
-all frames of the video.
+HMMR: ``poses`` (N, 24, 3, 3) rotation matrices. The file has no frame numbers: N is the number of
+used frames, or of all frames of the video.
 
-GVHMR: `hmr4d_results.pt`, GEM: `smpl_params.pt`, GEM-X: `hpe_results.pt`; one person's motion,
-saved with torch.
+GVHMR, GEM: ``smpl_params_incam`` or ``body_params_incam`` with ``global_orient`` (N, 3) and
+``body_pose`` (N, 63), axis-angle: pelvis and the 21 joints that SMPL-X shares with SMPL (SMPL's
+hands stay at rest); one row per frame of the video. GEM-X's body is SOMA: ``body_pose`` (N, 228),
+76 joints, of which 21 are SMPL's. SOMA's rotations are SMPL's, too: against the parent, in the axes
+of the T pose, which faces +z with y up.
 
-``smpl_params_incam`` (GVHMR) or ``body_params_incam`` (GEM) has ``global_orient`` (N, 3) and
-``body_pose`` (N, 63), axis-angle, in camera axes: pelvis and the 21 joints that SMPL-X shares with
-SMPL (SMPL's hands stay at rest); one row per frame of the video. GEM-X's body is SOMA:
-``body_pose`` (N, 228), 76 joints, of which 21 are SMPL's. SOMA's rotations are SMPL's, too:
-against the parent, in the axes of the T pose, which faces +z with y up. ``transl``, shape, the
-world's parameters, the camera and the network's other outputs are not used. The file is read with
-torch's restricted reader.
+TRAM: ``pred_rotmat`` (N, 24, 3, 3) and ``frame`` (N,); ``pred_trans`` (N, 1, 3) with ``img_focal``
+and ``img_center``, which are optional, give the person's position. A folder stands for all its
+tracks, a file for that person alone.
 
-TRAM: `hps/hps_track_0.npy` (and further tracks), one person each, saved by its script.
-``pred_rotmat`` (N, 24, 3, 3) are rotation matrices in camera axes and ``frame`` (N,) the frame
-numbers, torch tensors in a pickled dictionary; ``pred_trans`` (N, 1, 3) with ``img_focal`` and
-``img_center``, which are optional, give the person's position. A folder stands for all its tracks,
-a file for that person alone. Shape and weak-perspective camera are not used.
+PromptHMR: ``people``: {track: {``frames`` (N,), ``bboxes`` (N, 4 or more) x0, y0, x1, y1 in pixels,
+``smplx_cam``: {``pose`` (N, 165) axis-angle of SMPL-X's 55 joints}}}. The first 22 are SMPL's.
 
-PromptHMR: `results.pkl`, written by its video pipeline with joblib. ``people``: {track: {``frames``
-(N,), ``bboxes`` (N, 4 or more) x0, y0, x1, y1 in pixels, ``smplx_cam``: {``pose`` (N, 165)
-axis-angle of SMPL-X's 55 joints, the root in camera axes, ``rotmat``, ``shape``, ``trans``, ...},
-``smplx_world``: ...}}. The first 22 joints are SMPL's (SMPL's hands stay at rest). World motion,
-shape, camera, face and fingers are not used.
+4D-Humans (HMR2) with PHALP: {picture's path: {``time`` the frame's number from 0, ``tid`` the
+people's tracks, ``smpl`` for each {``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3)}, ``bbox``
+x, y, width, height in pixels, ``tracked_time`` frames since the person was last detected}}. People
+who were not detected in a frame (``tracked_time`` above 0) are ignored there.
 
-4D-Humans (HMR2) with PHALP: the `.pkl` of its tracking, one dictionary per clip. {picture's path:
-{``time`` the frame's number from 0, ``tid`` the people's tracks, ``smpl`` for each
-{``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3), ``betas``} in camera axes, ``bbox`` x, y,
-width, height in pixels, ``tracked_time`` frames since the person was last detected, ...}}, written
-with joblib. People who were not detected in a frame (``tracked_time`` above 0) are ignored there.
-Of several people the performer is found by the boxes. Cameras, joints, shape, masks and appearance
-are not used.
-
-Multi-HMR: the people that its model returns for every frame, saved by the user. {``img_size``: the
-model's, ``frames``: [one list of people a frame]}, with torch.save, pickle or as JSON. A person has
-``rotvec`` (53, 3), axis-angle in camera axes: SMPL-X's pelvis and 21 joints first, then hands and
-jaw; and ``loc`` (2,), the head's place in the square picture of ``img_size`` pixels into which the
-model's demo fits the video's. Meshes, shape and translations are not used.
+Multi-HMR: {``img_size``: the model's, ``frames``: [one list of people a frame]}. A person has
+``rotvec`` (53, 3), axis-angle: SMPL-X's pelvis and 21 joints first; and ``loc`` (2,), the head's
+place in the square picture of ``img_size`` pixels into which the model's demo fits the video's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,13 +52,15 @@ from imocap_core.io.readers.estimates import (
     Entries,
     PerformerBoxes,
     PersonInFrame,
+    Track,
     checked_rotations,
     field,
+    fields_of,
     frame_entries,
     frame_ids,
     from_vectors,
     of_performer,
-    people_of,
+    of_tracks,
     performer_of,
     performer_rows,
     read_saved,
@@ -91,16 +74,14 @@ from imocap_core.io.readers.joint_estimators import (
     read_sam3d_body,
 )
 from imocap_core.io.readers.mediapipe import read_mediapipe_world
-from imocap_core.io.readers.people import frame_number, type_name
+from imocap_core.io.readers.people import frame_number, listed, type_name
 
 
 def read_vibe(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes; see `performer_of`."""
-    return performer_of(path, performer, _middle_px)
-
-
-def _middle_px(person: dict[str, Any], count: int, where: str) -> Float[np.ndarray, "N 2"]:
-    return field(person, "bboxes", (count, 4), where)[:, :2]
+    return performer_of(
+        path, performer, lambda person, n, where: field(person, "bboxes", (n, 4), where)[:, :2]
+    )
 
 
 def read_wham(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
@@ -134,17 +115,11 @@ SOMA_OF_SMPL = (
 SMPL_HEAD = 15
 
 
-def read_gvhmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
-    """The joint rotations in camera axes. ValueError names file and field."""
-    return _one_person(path, GVHMR, performer)
-
-
-def read_gem(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
-    """As `read_gvhmr`, of either body of GEM's, SMPL or SOMA."""
-    return _one_person(path, GEM, performer)
-
-
-def _one_person(path: Path, group: str, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def read_one_person(
+    path: Path, performer: PerformerBoxes, group: str
+) -> Float[np.ndarray, "T 24 3 3"]:
+    """The joint rotations in camera axes, of GEM's either body, SMPL or SOMA. ValueError names file
+    and field."""
     content = read_results(path)
     if not isinstance(content, dict) or group not in content:
         got = ", ".join(map(str, content)) if isinstance(content, dict) else type_name(content)
@@ -179,22 +154,15 @@ def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 
     files = sorted(path.glob("hps_track_*.npy")) if path.is_dir() else [path]
     if not files:
         raise ValueError(f"{path}: expected hps_track_0.npy and so on in the folder, found none")
-    frames, track, middle, poses = [], [], [], []
-    for number, file in enumerate(files):
+    tracks: list[Track] = []
+    for file in files:
         content = read_results(file)
         rotations = field(content, "pred_rotmat", ("N", JOINTS, 3, 3), str(file))
         given = field(content, "frame", (len(rotations),), str(file))
-        frames.append(frame_ids(given, f"{file}: frame"))
-        track.append(np.full(len(rotations), number))
-        middle.append(_middle(content, len(rotations)))
-        poses.append(checked_rotations(rotations, f"{file}: pred_rotmat"))
-    places = (
-        None
-        if any(m is None for m in middle)
-        else np.concatenate([m for m in middle if m is not None])
-    )
-    entries = Entries(np.concatenate(frames), np.concatenate(track), places)
-    return select_rows(np.concatenate(poses), performer_rows(entries, performer, path))
+        frames = frame_ids(given, f"{file}: frame")
+        poses = checked_rotations(rotations, f"{file}: pred_rotmat")
+        tracks.append((frames, _middle(content, len(rotations)), poses))
+    return of_tracks(tracks, performer, path)
 
 
 def _middle(content: Any, count: int) -> Float[np.ndarray, "N 2"] | None:
@@ -224,21 +192,18 @@ def read_prompthmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "
     """
     content = read_results(path)
     people = content.get("people") if isinstance(content, dict) else content
-    frames, track, middle, poses = [], [], [], []
-    for number, (name, person) in enumerate(people_of(people, path).items()):
+    tracks: list[Track] = []
+    for name, person in fields_of(people, path, "of people").items():
         where = f"{path}: people {name}"
         held = person if isinstance(person, dict) else {}
         pose = field(held.get(IN_CAMERA), "pose", ("N", SMPLX), f"{where}: {IN_CAMERA}")
         boxes = field(person, "bboxes", (len(pose), "4 or more"), where)
         if boxes.shape[1] < 4:
             raise ValueError(f"{where}: bboxes: expected x0, y0, x1, y1, got {boxes.shape}")
-        middle.append(0.5 * (boxes[:, :2] + boxes[:, 2:4]))
-        frames.append(frame_ids(field(person, "frames", (len(pose),), where), where))
-        track.append(np.full(len(pose), number))
-        poses.append(pose[:, :BODY])
-    entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
-    rows = performer_rows(entries, performer, path)
-    return select_rows(from_vectors(np.concatenate(poses)), rows)
+        frames = frame_ids(field(person, "frames", (len(pose),), where), where)
+        middles = 0.5 * (boxes[:, :2] + boxes[:, 2:4])
+        tracks.append((frames, middles, from_vectors(pose[:, :BODY])))
+    return of_tracks(tracks, performer, path)
 
 
 def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
@@ -246,22 +211,20 @@ def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24
 
     ValueError names file, frame, field, expected and got.
     """
-    content = read_results(path)
-    if not isinstance(content, dict) or not content:
-        got = "an empty one" if isinstance(content, dict) else type_name(content)
-        raise ValueError(f"{path}: expected a dictionary with one entry per frame, got {got}")
+    content = fields_of(read_results(path), path, "with one entry per frame")
     frames, track, middle, poses = [], [], [], []
-    for n, name in enumerate(sorted(content, key=str)):
-        where = f"{path}: {name}"
-        entry = content[name]
-        people, boxes = _listed(entry, "smpl", where), _listed(entry, "bbox", where)
-        ids = _listed(entry, "tid", where)
+    for n, name in enumerate(sorted(content)):
+        where, entry = f"{path}: {name}", content[name]
+        fields: dict[str, Any] = {"tracked_time": []} | entry if isinstance(entry, dict) else {}
+        people, boxes, ids, since = (
+            listed(fields.get(key), f"{where}: {key}", "a list of people")
+            for key in ("smpl", "bbox", "tid", "tracked_time")
+        )
         if not len(people) == len(boxes) == len(ids):
             raise ValueError(
                 f"{where}: expected as many smpl, bbox and tid, got {len(people)}, {len(boxes)} "
                 f"and {len(ids)}"
             )
-        since = _listed({"tracked_time": []} | entry, "tracked_time", where)
         frame = frame_number(_number(entry.get("time", n)), f"{where}: time")
         for i, person in enumerate(people):
             if i < len(since) and since[i] != 0:
@@ -276,15 +239,6 @@ def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24
     entries = Entries(np.array(frames), np.array(track), np.array(middle))
     rows = performer_rows(entries, performer, path)
     return select_rows(checked_rotations(np.stack(poses), f"{path}: smpl"), rows)
-
-
-def _listed(entry: Any, name: str, where: str) -> list[Any]:
-    people = entry.get(name) if isinstance(entry, dict) else None
-    if isinstance(people, np.ndarray) and people.ndim:
-        people = list(people)
-    if not isinstance(people, list):
-        raise ValueError(f"{where}: {name}: expected a list of people, got {type_name(people)}")
-    return people
 
 
 def _rotations(person: Any, where: str) -> Float[np.ndarray, "24 3 3"]:
@@ -320,10 +274,8 @@ def read_multihmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T
         )
     estimates: list[PersonInFrame] = []
     for frame, people in enumerate(frame_entries(content.get("frames"), path)):
-        if not isinstance(people, list):
-            where = f"{path}: frames[{frame}]"
-            raise ValueError(f"{where}: expected a list of people, got {type_name(people)}")
-        for i, person in enumerate(people):
+        where = f"{path}: frames[{frame}]"
+        for i, person in enumerate(listed(people, where, "a list of people")):
             where = f"{path}: frames[{frame}][{i}]"
             vectors = field(person, "rotvec", (MULTIHMR_JOINTS, 3), where)
             middle = in_video(field(person, "loc", (2,), where), float(side), performer.size)
@@ -396,17 +348,13 @@ def _betas(arrays: dict[str, Shaped[np.ndarray, "..."]], path: Path) -> Float[np
     return np.concatenate([mean[:10], np.zeros(max(0, 10 - len(mean)))])
 
 
-def _joints_npz(path: Path, performer: PerformerBoxes) -> JointsEstimate:
-    return read_joints_npz(path, performer.frames)
-
-
 # Joint rotations in camera axes, NaN where there is no estimate.
 ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
     "hmr2": read_phalp,
     "tokenhmr": read_phalp,
     "wham": read_wham,
-    "gvhmr": read_gvhmr,
-    "gem": read_gem,
+    "gvhmr": partial(read_one_person, group=GVHMR),
+    "gem": partial(read_one_person, group=GEM),
     "prompthmr": read_prompthmr,
     "vibe": read_vibe,
     "hmmr": read_hmmr,
@@ -416,7 +364,7 @@ ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 
 }
 # Joints (T, J, 3) metres in camera axes.
 JOINT_READERS: dict[str, Callable[[Path, PerformerBoxes], JointsEstimate]] = {
-    "joints_npz": _joints_npz,
+    "joints_npz": lambda path, performer: read_joints_npz(path, performer.frames),
     "sam3d_body": read_sam3d_body,
     "metrabs": read_metrabs,
     "mediapipe_world": read_mediapipe_world,
