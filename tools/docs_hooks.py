@@ -8,6 +8,7 @@ have been run) take the place of their pictures; they are too large to be commit
 
 from __future__ import annotations
 
+import html
 import re
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ FRAME = """<iframe src="gallery/{name}.html" title="The viewer on {name}" loadin
 allowfullscreen style="width: 100%; aspect-ratio: 4 / 3; min-height: 30rem; border: 0"></iframe>
 
 [Full page](gallery/{name}.html){{target=_blank}} ({size:.1f} MB)"""
+BARRED = re.compile(r"`([^`]*\\\|[^`]*)`")  # code with bars, in a table
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
 
@@ -43,7 +45,13 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """A page's text with links that work in the site."""
-    return within_site(with_viewers(markdown, GALLERY), page.file.src_uri.count("/"))
+    text = BARRED.sub(lambda m: f"<code>{bars_of_code(m[1])}</code>", markdown)
+    return within_site(with_viewers(text, GALLERY), page.file.src_uri.count("/"))
+
+
+def bars_of_code(code: str) -> str:
+    """Markup of code whose bars a table would take for its own, escaped as in the repository."""
+    return html.escape(code, quote=False).replace("\\|", "&#124;")
 
 
 def with_viewers(text: str, folder: Path) -> str:
