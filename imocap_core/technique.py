@@ -406,11 +406,13 @@ def largest(
     angles: Mapping[str, Float[np.ndarray, " N"]],
     reference: Mapping[str, Float[np.ndarray, " N"]],
     spread: Mapping[str, Float[np.ndarray, " N"]],
+    judged: Mapping[str, tuple[bool, str]] = {},
 ) -> list[MotionDifference]:
     """A sentence on every angle's largest difference of `_LEAST_DEG` or more, the largest first.
 
     spread: standard deviations over the repetitions; differences below one come last. An angle
-    without any is not compared with them.
+    without any is not compared with them. judged: of an angle, whether its difference comes last,
+    and why, in place of its spread.
     """
     differences = []
     for name, curve in angles.items():
@@ -419,25 +421,25 @@ def largest(
             continue
         t = int(np.nanargmax(away))
         sd = float(spread[name][t]) if name in spread else float("nan")
-        sentence = _sentence(who, other, name, float(phase_s[t]), curve[t], reference[name][t], sd)
-        differences.append(
-            (away[t] < sd, -away[t], MotionDifference(sentence, float(phase_s[t]), name))
-        )
+        last, why = judged.get(name) or _by_spread(float(away[t]), sd)
+        sentence = _sentence(who, other, name, float(phase_s[t]), curve[t], reference[name][t])
+        difference = MotionDifference(sentence + why, float(phase_s[t]), name)
+        differences.append((last, -away[t], difference))
     return [difference for *_, difference in sorted(differences, key=lambda entry: entry[:2])]
 
 
-def _sentence(
-    who: str, other: str, name: str, phase_s: float, deg: float, against: float, sd: float
-) -> str:
+def _sentence(who: str, other: str, name: str, phase_s: float, deg: float, against: float) -> str:
     word = _MORE_AND_LESS[without_side(name)][0 if deg > against else 1]
-    away = abs(deg - against)
-    text = (
+    return (
         f"{plain_angle(name)}: {who} {degrees(deg)}, {other} {degrees(against)} "
-        f"({word.format(f'{away:.0f}°')}), at {phase_s:.2f} s"
+        f"({word.format(f'{abs(deg - against):.0f}°')}), at {phase_s:.2f} s"
     )
+
+
+def _by_spread(away: float, sd: float) -> tuple[bool, str]:
     if not sd >= _LEAST_SD_DEG:
-        return text
-    return f"{text}, {away / sd:.1f} standard deviations" if away >= sd else f"{text}, {_WITHIN}"
+        return away < sd, ""
+    return away < sd, f", {away / sd:.1f} standard deviations" if away >= sd else f", {_WITHIN}"
 
 
 def degrees(value: float) -> str:

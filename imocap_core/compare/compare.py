@@ -17,7 +17,7 @@ from imocap_core.motion.multiview.timeline import frame_positions, sample_rotati
 from imocap_core.params import SyncParams
 from imocap_core.result.body import local_rotations
 from imocap_core.result.result import ActionResult
-from imocap_core.result.video_motion import body_model_of
+from imocap_core.result.video_motion import body_model_of, video_angles
 from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.technique import (
     SHOWN,
@@ -48,7 +48,8 @@ class Performances:
 
     instances: facing alike, at the moments of `compared_moments`. clock_s (M, N): seconds of each
     video's own clock at these. shaped: the body that all are put on. fps: moments a second.
-    left_out: performances not among them, and why.
+    left_out: performances not among them, and why. error_deg (M, N): the angles' expected errors,
+    where they are known.
     """
 
     action: str
@@ -57,6 +58,7 @@ class Performances:
     shaped: Shaped
     fps: float
     left_out: tuple[str, ...]
+    error_deg: dict[str, Float[np.ndarray, "M N"]]
 
 
 def performers_of(result: ActionResult) -> list[str]:
@@ -73,7 +75,8 @@ def performances_of(
 
     WorkFailed when no video has a place on the common axis.
     """
-    common = result.levelled("y").on_common_time()
+    level = result.levelled("y")
+    common = level.on_common_time()
     mirrored = [v.id for v in common if v.id in result.sync.mirrored]
     used = [v for v in common if v.id not in mirrored]
     if performer is not None:
@@ -92,6 +95,7 @@ def performances_of(
     )
     moments = compared_moments(instances.inside)
     instances = to_the_front(facing_alike(at_moments(instances, moments)))
+    errors = [video_angles(v, "y", level.ground.tilt_sd_deg).sd_deg for v in used]
     clocks = [
         frame_positions(result[i].phase_s, instances.phase_s).position / result[i].fps
         for i in instances.ids
@@ -106,6 +110,7 @@ def performances_of(
             *(f"{i}: no place on the common axis" for i in common.left_out),
             *(f"{i}: mirrored" for i in mirrored),
         ),
+        error_deg={n: np.stack([e[n][moments] for e in errors]) for n in SHOWN if all(errors)},
     )
 
 
@@ -345,14 +350,14 @@ def technique_angles(t: Technique) -> TechniqueAngles:
     return TechniqueAngles(mean, each)
 
 
-def pair_angles(pair: TechniquePair) -> tuple[Curves, Curves]:
-    """Mean and deviation of both performers' angles, at the pair's moments."""
-    first, second = technique_angles(pair.first).mean, technique_angles(pair.second).mean
+def pair_angles(pair: TechniquePair) -> tuple[TechniqueAngles, TechniqueAngles]:
+    """Both performers' angles, at the pair's moments."""
+    first, second = technique_angles(pair.first), technique_angles(pair.second)
     clock = pair.second.instances.phase_s
     frame = np.interp(pair.second_s, clock, np.arange(len(clock)))
     of_first = {
         name: MeanCurve(c.mean_deg[pair.index], c.sd_deg[pair.index], c.n[pair.index])
-        for name, c in first.items()
+        for name, c in first.mean.items()
     }
     of_second = {
         name: MeanCurve(
@@ -360,9 +365,32 @@ def pair_angles(pair: TechniquePair) -> tuple[Curves, Curves]:
             values_at(c.sd_deg, frame),
             c.n[np.rint(frame).astype(np.int64)],
         )
-        for name, c in second.items()
+        for name, c in second.mean.items()
     }
-    return of_first, of_second
+    ours = {name: rows[:, pair.index] for name, rows in first.each.items()}
+    theirs = {
+        name: np.stack([near(values_at(row, frame), of_first[name].mean_deg) for row in rows])
+        for name, rows in second.each.items()
+    }
+    return TechniqueAngles(of_first, ours), TechniqueAngles(of_second, theirs)
+
+
+def expected_error_deg(pair: TechniquePair) -> dict[str, Float[np.ndarray, " N"]]:
+    """Of the difference of both performers' mean angles, at the pair's moments, where it is known.
+
+    Videos that are solved together share their errors: a mean errs as its performances do.
+    """
+    first, second = (t.performances.error_deg for t in (pair.first, pair.second))
+    clock = pair.second.instances.phase_s
+    nearest = np.rint(np.interp(pair.second_s, clock, np.arange(len(clock)))).astype(np.int64)
+
+    def squared(errors: Float[np.ndarray, "M N"]) -> Float[np.ndarray, " N"]:
+        return np.asarray(np.mean(errors**2, axis=0))
+
+    return {
+        name: np.sqrt(squared(first[name][:, pair.index]) + squared(second[name][:, nearest]))
+        for name in first.keys() & second.keys()
+    }
 
 
 def in_smpl(R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N 24 3 3"]:

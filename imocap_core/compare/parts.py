@@ -11,7 +11,14 @@ from jaxtyping import Float
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from imocap_core.compare.compare import Curves, Technique, TechniqueAngles, TechniquePair
+from imocap_core.compare.chance import ERRORS_APART, LIKELY, Chance
+from imocap_core.compare.compare import (
+    Curves,
+    Technique,
+    TechniqueAngles,
+    TechniquePair,
+    expected_error_deg,
+)
 from imocap_core.figures.style import QUIET, color_of, grid, headline, new_figure
 from imocap_core.technique import Modes, MotionDifference, in_words, largest
 
@@ -24,12 +31,15 @@ def markdown_list(findings: Sequence[MotionDifference]) -> list[str]:
     return [*(f"* {finding.sentence}" for finding in findings), ""] if findings else []
 
 
-def pair_findings(pair: TechniquePair, angles: tuple[Curves, Curves]) -> list[MotionDifference]:
+def pair_findings(
+    pair: TechniquePair, angles: tuple[TechniqueAngles, TechniqueAngles], chance: Chance
+) -> list[MotionDifference]:
     """Where the second performer's mean angles differ most from the first's.
 
-    Differences of a standard deviation of the repetitions or more come first, then the largest.
+    Differences that neither chance nor the expected errors explain come first (with too few
+    performances: those of a standard deviation of the repetitions or more), then the largest.
     """
-    first, second = angles
+    first, second = (of.mean for of in angles)
     who, other = performer_names(pair)[::-1]
     return largest(
         who,
@@ -38,7 +48,40 @@ def pair_findings(pair: TechniquePair, angles: tuple[Curves, Curves]) -> list[Mo
         {name: curve.mean_deg for name, curve in second.items()},
         {name: curve.mean_deg for name, curve in first.items()},
         {name: np.fmax(curve.sd_deg, second[name].sd_deg) for name, curve in first.items()},
+        _judged(pair, first, second, chance) if chance.telling else {},
     )[:_OF_TWO]
+
+
+def _judged(
+    pair: TechniquePair, first: Curves, second: Curves, chance: Chance
+) -> dict[str, tuple[bool, str]]:
+    """Of each angle, whether chance or the expected error explains its difference, in words."""
+    errors, words = expected_error_deg(pair), {}
+    for name, p in chance.p.items():
+        away = np.abs(second[name].mean_deg - first[name].mean_deg)
+        t = int(np.nanargmax(away))
+        error = float(errors[name][t]) if name in errors else 0.0
+        if p > LIKELY:
+            words[name] = True, f", which chance explains (p = {p:.2f})"
+        elif away[t] < ERRORS_APART * error:
+            words[name] = True, f", within what is measured (± {error:.0f}°)"
+        else:
+            words[name] = False, f", more than chance explains (p = {p:.2g})"
+    return words
+
+
+def chance_sentence(pair: TechniquePair, chance: Chance) -> str:
+    """What p says, or that there are too few performances to tell differences from chance."""
+    if chance.telling:
+        return (
+            "p: the probability that any angle differs by so much where both are of one kind "
+            "(permutation test, all angles and moments looked at)."
+        )
+    ours, theirs = (len(t.instances.ids) for t in (pair.first, pair.second))
+    return (
+        f"{ours} and {theirs} performances are too few to tell differences from chance; 4 and 4 "
+        "are enough."
+    )
 
 
 def performer_names(pair: TechniquePair) -> tuple[str, str]:

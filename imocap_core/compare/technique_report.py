@@ -16,8 +16,8 @@ from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
 from imocap_core.compare import parts
+from imocap_core.compare.chance import Chance, chance_of
 from imocap_core.compare.compare import (
-    Curves,
     Technique,
     TechniqueAngles,
     TechniquePair,
@@ -70,11 +70,14 @@ class Filmed:
 
 
 def pair_page(
-    pair: TechniquePair, angles: tuple[Curves, Curves], findings: Sequence[MotionDifference]
+    pair: TechniquePair,
+    angles: tuple[TechniqueAngles, TechniqueAngles],
+    findings: Sequence[MotionDifference],
+    chance: Chance,
 ) -> str:
     """The page of two performers: their mean motions at the moments that both show."""
     names = performer_names(pair)
-    first, second = angles
+    first, second = (of.mean for of in angles)
     shown = np.ones(len(pair.phase_s), dtype=bool)
     bodies = [
         ShownBody(name, color, R, joints, shown)
@@ -85,7 +88,8 @@ def pair_page(
     curves = {name: [first[name], second[name]] for name in first}
     lead = (
         f"Mean motions of {names[0]} ({len(pair.first.instances.ids)} performances) and {names[1]} "
-        f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way"
+        f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way. "
+        + parts.chance_sentence(pair, chance)
     )
     return _page(
         f"{names[0]} and {names[1]}",
@@ -383,14 +387,16 @@ def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
         },
     )  # fmt: skip
     angles = pair_angles(pair)
-    findings = pair_findings(pair, angles)
-    (out / "report.md").write_text(_pair_report(pair, findings), encoding="utf-8")
-    (out / "report.html").write_text(pair_page(pair, angles, findings), encoding="utf-8")
+    chance = chance_of(angles[0].each, angles[1].each, np.random.default_rng(0))
+    findings = pair_findings(pair, angles, chance)
+    (out / "report.md").write_text(_pair_report(pair, findings, chance), encoding="utf-8")
+    page = pair_page(pair, angles, findings, chance)
+    (out / "report.html").write_text(page, encoding="utf-8")
     names_ = ("report.md", "report.html", "joints.csv", "difference.png")
     return [out / name for name in names_]
 
 
-def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
+def _pair_report(pair: TechniquePair, findings: list[MotionDifference], chance: Chance) -> str:
     first, second = pair.first.action, pair.second.action
     names, between = pair.first.instances.joint_names, pair.difference
     deg, mm, ratio = map(over_moments, (between.angle_deg, between.distance_mm, between.ratio))
@@ -407,6 +413,8 @@ def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
             f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
             "",
             *markdown_list(findings),
+            parts.chance_sentence(pair, chance),
+            "",
             *parts.table(
                 ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
+from imocap_core.compare.chance import chance_of
 from imocap_core.compare.compare import (
     compared_moments,
     describe,
@@ -113,7 +114,11 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     files = write_pair(made.out, pair)
     assert "# Technique: walk and walk" in files[0].read_text()
     assert all(f.stat().st_size > 100 for f in files)
-    assert (found := pair_findings(pair, pair_angles(pair))[0]).angle == "left_shoulder_elevation"
+    angles = pair_angles(pair)
+    chance = chance_of(angles[0].each, angles[1].each, np.random.default_rng(0))
+    found = pair_findings(pair, angles, chance)[0]
+    assert found.angle == "left_shoulder_elevation"
+    assert "2 and 2 performances are too few to tell differences" in files[0].read_text()
     assert re.match(
         r"left arm raised: walk \(2\) −?\d+°, walk \(1\) −?\d+° \(raised \d+° higher\), at ",
         found.sentence,

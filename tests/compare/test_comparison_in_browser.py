@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints
+from imocap_core.compare.chance import chance_of
 from imocap_core.compare.compare import describe, pair_angles, pair_on_one_axis, performances_of
 from imocap_core.compare.parts import pair_findings
 from imocap_core.compare.technique_report import pair_page
@@ -34,7 +35,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     first, second = (describe(performances_of(result, performer=p)) for p in ("Ann", "Bo"))
     pair = pair_on_one_axis(first, second)
     angles = pair_angles(pair)
-    return pair_page(pair, angles, pair_findings(pair, angles))
+    chance = chance_of(angles[0].each, angles[1].each, np.random.default_rng(0))
+    return pair_page(pair, angles, pair_findings(pair, angles, chance), chance)
 
 
 @pytest.fixture(scope="module")
