@@ -75,6 +75,8 @@ LONG = (
     "fuzz",
 )
 
+ONCE = ("tests/library/", "tests/synthetic/")  # a small run; the clips of a seed
+
 check_annotations(CHECKED)
 
 # No deadline: the suite must not fail on a busy machine. Derandomised: a failure is the same
@@ -85,15 +87,16 @@ settings.load_profile("imocap")
 
 @pytest.hookimpl(optionalhook=True)  # without xdist nobody asks
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """A file's tests stay on one worker, and the library's files share its one small run."""
+    """A file's tests stay on one worker; so do those of a room that makes something large once."""
     from xdist.scheduler import LoadFileScheduling
 
-    class OneSmallRun(LoadFileScheduling):
+    class ByFileOrRoom(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            file = str(super()._split_scope(nodeid))
-            return "tests/library" if file.startswith("tests/library/") else file
+            return next((room for room in ONCE if nodeid.startswith(room)), None) or (
+                super()._split_scope(nodeid)
+            )
 
-    return OneSmallRun(config, log)
+    return ByFileOrRoom(config, log)
 
 
 def pytest_configure() -> None:

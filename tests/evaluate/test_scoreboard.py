@@ -201,7 +201,7 @@ def test_without_truth_the_reasons_are_given_and_images_still_scored(made, tmp_p
 
 
 def test_one_video_alone_has_poses_and_no_synchronisation(tmp_path: Path) -> None:
-    result = evaluate(tmp_path, Made(count=1), truth=True, figures=True)
+    result = evaluate(tmp_path, Made(count=1, frames=6), truth=True, figures=True)
     assert _values(result, "after loop", "mpjpe_mm")["v1"] is not None
     assert not any(t.name == "sync" for t in result.tables)
     assert "warp.png" not in result.files
@@ -253,7 +253,7 @@ def test_a_missing_camera_leaves_poses_unscored_but_not_sync(made: Made, tmp_pat
 
 
 def test_a_video_without_any_match_leaves_the_report_whole(tmp_path: Path) -> None:
-    made = Made(count=2)
+    made = Made(count=2, frames=6)
     lost = made.refined.sync.maps[1]
     none = lost.model_copy(update={"reference_frame": lost.reference_frame * np.nan})
     sync = made.refined.sync.model_copy(update={"maps": [made.refined.sync.maps[0], none]})

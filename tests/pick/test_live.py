@@ -17,6 +17,7 @@ from tests.report.made import Made
 from tests.report.viewed import Page
 
 
+@pytest.mark.long
 def test_it_follows_a_run_to_the_viewer(tmp_path: Path) -> None:
     job = stored_job(tmp_path, Made(frames=12), filmed=("v1",))
     folder, shown = job.store.folder / NAME, {}

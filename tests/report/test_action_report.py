@@ -21,6 +21,12 @@ def made() -> Made:
     return Made(frames=12)
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without pictures, of which one test alone speaks."""
+    monkeypatch.setattr("imocap_core.report.write_page.draw_page_figures", lambda *_: [])
+
+
 def _outcomes(job: Job, how: str = "cached") -> list[Outcome]:
     stored = {stage: job.store.load(NAME, stage) for stage in job.pipeline.stages}
     return [Outcome(s, how, r, 1.5) for s, r in stored.items() if r is not None]  # type: ignore[arg-type]
@@ -50,6 +56,7 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     assert page.read_text() == "mine"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_begins_with_the_verdict_of_the_run_and_what_breaks_off_is_made_again(
     made, tmp_path
 ):
@@ -75,6 +82,7 @@ def test_the_report_begins_with_the_verdict_of_the_run_and_what_breaks_off_is_ma
 PRIVATE = '{"title": "a", "pictures": [{"file": "../../../private.jpg", "caption": ""}]}'
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_damaged_contents_of_a_report_are_refused_in_a_sentence(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     file = job.store.report(NAME) / "contents.json"

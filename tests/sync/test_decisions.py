@@ -64,6 +64,7 @@ def depth_reversed(video: ScreenedVideo) -> ScreenedVideo:
     return ScreenedVideo(video.motion * np.array([1.0, 1.0, -1.0]), video.keypoints)
 
 
+@pytest.mark.long
 def test_genuine_videos_stay_even_with_a_reversed_fit() -> None:
     videos = videos_of(motion_of(1))
     for suspect in (videos, [*videos[:3], depth_reversed(videos[3])]):
@@ -119,9 +120,8 @@ def with_noise(videos: list[ScreenedVideo], share: float) -> list[ScreenedVideo]
     ]
 
 
-@pytest.mark.parametrize(
-    ("asymmetry", "both"), [(0.12, ()), pytest.param(0.3, (1, 3), marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("asymmetry", "both"), [(0.12, ()), (0.3, (1, 3))])
 def test_two_mirrored_videos_have_to_be_clearer_than_one(
     asymmetry: float, both: tuple[int, ...]
 ) -> None:
@@ -159,6 +159,7 @@ def small(seed: int) -> np.ndarray:
     return np.asarray(motion.mean(axis=0) + 0.3 * (motion - motion.mean(axis=0)))
 
 
+@pytest.mark.long
 def test_half_the_speed_a_bad_stretch_and_a_lasting_error_are_no_other_action() -> None:
     videos = videos_of(small(1))
     slow = lastingly_wrong(depth_reversed(videos[2]), 0.4, 1)
@@ -170,6 +171,7 @@ def test_half_the_speed_a_bad_stretch_and_a_lasting_error_are_no_other_action() 
     assert (result.outliers, result.mirrored) == ((), ())
 
 
+@pytest.mark.long
 def test_another_action_from_the_same_pose_is_still_another_action() -> None:
     pose = motion_of(1).mean(axis=0)
     other = pose + 0.6 * (motion_of(2) - motion_of(2).mean(axis=0))
