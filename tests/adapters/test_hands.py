@@ -92,6 +92,7 @@ def test_hands_that_rest_are_found_resting_and_scored(
     assert len(hand_tables(rows)[0].rows) == 2
 
 
+@pytest.mark.long
 def test_an_excluded_video_has_hands_of_its_own(
     inputs: tuple[Keypoints, CameraMotion, RefineSync], made: Made
 ) -> None:

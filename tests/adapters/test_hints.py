@@ -219,6 +219,7 @@ def test_films_of_one_event_are_placed_within_a_frame(tmp_path, keypoints):
         assert not tie.hard
 
 
+@pytest.mark.long
 def test_music_that_repeats_is_said_and_not_used(tmp_path, keypoints):
     heard = event_sound(films(tmp_path, loop(9.0)), keypoints)
     assert np.isnan(heard.start_s).all()
@@ -227,6 +228,7 @@ def test_music_that_repeats_is_said_and_not_used(tmp_path, keypoints):
     assert with_sound(Hints(), heard.start_s, keypoints) == Hints()
 
 
+@pytest.mark.long
 def test_a_silent_film_takes_no_part(tmp_path, keypoints):
     files = films(tmp_path, event(9.0))
     files["v3"] = write_film(tmp_path / "silent.mp4", None, SECONDS)

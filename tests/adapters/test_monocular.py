@@ -66,6 +66,7 @@ def test_what_is_seen_does(made: Made, field: str) -> None:
     assert digests(made, **{field: changed[field]}) != digests(made)
 
 
+@pytest.mark.long
 def test_a_short_video_is_fitted_with_its_alternatives_or_alone(made: Made) -> None:
     params, prior = Params(), load_pose_prior()
     options = replace(params.initial_smpl, starts=2, max_steps=2, library_poses=60, lifter="off")

@@ -188,6 +188,7 @@ def test_who_was_lost_is_looked_for_in_every_box() -> None:
     assert [len(in_frame) for in_frame in people[lost:]] == [1] * (PATIENCE - lost)
 
 
+@pytest.mark.long
 def test_who_is_detected_where_pictures_waited_is_followed_backward_to_the_start() -> None:
     """Of three who stand still one is overlooked, until another leaves: whichever of the pictures
     that wait for a fourth it is."""

@@ -200,6 +200,7 @@ def test_without_truth_the_reasons_are_given_and_images_still_scored(made, tmp_p
     assert _values(result, "after loop", "cycle_residual_frames")["all videos"] is not None
 
 
+@pytest.mark.long
 def test_one_video_alone_has_poses_and_no_synchronisation(tmp_path: Path) -> None:
     result = evaluate(tmp_path, Made(count=1, frames=6), truth=True, figures=True)
     assert _values(result, "after loop", "mpjpe_mm")["v1"] is not None
@@ -252,6 +253,7 @@ def test_a_missing_camera_leaves_poses_unscored_but_not_sync(made: Made, tmp_pat
     assert _values(result, "after loop", "sync_error_frames")["v2"] == pytest.approx(0)
 
 
+@pytest.mark.long
 def test_a_video_without_any_match_leaves_the_report_whole(tmp_path: Path) -> None:
     made = Made(count=2, frames=6)
     lost = made.refined.sync.maps[1]

@@ -116,6 +116,7 @@ def test_two_views_recover_fingers_wrist_and_size(two: tuple[list[FittedHands], 
         assert hands.visible.all()
 
 
+@pytest.mark.long
 def test_a_hand_unseen_in_one_video_is_told_by_the_other() -> None:
     videos, truths = made()
     weight = videos[1].weight.copy()

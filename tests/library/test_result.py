@@ -367,6 +367,7 @@ def test_events_are_those_of_the_result(small_run: SmallRun, angles: list[Path])
         assert all(0 <= e.index <= len(small_run.result[video]) - 1 for e in events)
 
 
+@pytest.mark.long
 def test_the_command_replaces_its_files_and_no_others(small_run, angles, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["imocap"])
     words = ["angles", "serve", "--out", str(tmp_path), "--root", str(small_run.root)]

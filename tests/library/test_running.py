@@ -168,6 +168,7 @@ def test_files_of_a_result(small_run: SmallRun, tmp_path: Path) -> None:
         result.export("npz", tmp_path / "file")
 
 
+@pytest.mark.long
 def test_a_film_of_a_result(small_run: SmallRun, tmp_path: Path) -> None:
     done: list[tuple[str, float, str]] = []
     files = small_run.result.film(

@@ -62,6 +62,7 @@ def test_reversed_sides_are_the_reflection_in_depth(made: Made, library: Library
     assert float(apart.max()) < 0.03  # the body is symmetric to within that
 
 
+@pytest.mark.long
 def test_alternatives_are_distinct_and_in_order_of_cost(made: Made, library: Library) -> None:
     prior, observations = load_pose_prior(), made.observations[:2]
     starts = [[start_at_joints(made.body, made.state.R_local[0], o)] for o in observations]

@@ -212,6 +212,7 @@ def test_claims_are_honest_on_a_made_scene(made: Made, given: tuple[Scene, Joint
     assert 0.4 < float(np.sqrt((ratio**2).mean())) < 2.0
 
 
+@pytest.mark.long
 def test_persistent_errors_count_less(given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
     slow = Noise(replace(WHITE.params, correlation_s=0.3))

@@ -109,6 +109,7 @@ def test_every_other_frame_keeps_its_place(made, path):
     np.testing.assert_array_equal(thin.place_sd_m, path[::2, 0])
 
 
+@pytest.mark.long
 def test_the_unit_of_a_path_is_told_by_feet_that_stand(made, path):
     """Who stands on the spot must not glide along with the camera."""
     body: Body = made.body

@@ -107,6 +107,7 @@ def test_a_video_without_any_match_has_claims_but_no_place() -> None:
     assert np.isfinite(left_open.reductions).all()
 
 
+@pytest.mark.long
 def test_a_joint_that_nobody_sees_for_a_while_is_ill_determined_then() -> None:
     made, all_seen = looked_at([0.0, 80.0])
     keypoint = made.body.model.points("body25").names.index("left_wrist")

@@ -76,6 +76,7 @@ def test_a_video_whose_own_feet_swing_objects_for_itself_alone(made: Made) -> No
     torch.testing.assert_close(found[[0, 2]], torch.ones(2, dtype=torch.float64))
 
 
+@pytest.mark.long
 def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
     all_, true = whole(made), in_own_axes(made)
     spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))

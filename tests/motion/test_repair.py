@@ -127,6 +127,7 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
     assert turning_frames(poses[0], poses[1], frames, 30.0).all()
 
 
+@pytest.mark.long
 def test_a_solve_that_goes_on_begins_afresh_where_other_sides_are_swapped_now(made: Made) -> None:
     """It went on from a result that had been fitted to swapped legs."""
     start, bad = disturbed(in_own_axes(made), 0.03), confused(whole(made), LEGS)

@@ -164,6 +164,7 @@ def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> No
     assert float((found_mm - true_mm).norm(dim=-1).quantile(0.9)) < 50
 
 
+@pytest.mark.long
 def test_a_round_from_cameras_that_are_wrong_finds_them(
     made: Made, solved: Callable[[str], JointMotion]
 ) -> None:
@@ -175,6 +176,7 @@ def test_a_round_from_cameras_that_are_wrong_finds_them(
     assert float(np.max(off)) < 0.5 * float(np.degrees(0.1))
 
 
+@pytest.mark.long
 def test_unmatched_frames_get_a_pose_too(made: Made) -> None:
     truth = in_own_axes(made)
     start, options = disturbed(truth, 0.12), replace(OPTIONS, max_steps=2)

@@ -157,6 +157,7 @@ def test_a_killed_run_continues_and_what_it_left_is_swept(toy: Toy) -> None:
     assert list(folder.rglob("*.part")) == list((folder / "toy").glob(".stage-*")) == []
 
 
+@pytest.mark.long
 def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
     store = Store(toy.root / "artifacts")
     command = [sys.executable, "-m", "stages", "run", "toy", "--root", str(toy.root)]

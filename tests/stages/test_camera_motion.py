@@ -86,6 +86,7 @@ def test_keypoints_are_carried_back_by_the_pan(followed):
     assert np.isnan(found.xy_first_px[3, 2]).all()
 
 
+@pytest.mark.long
 def test_the_first_used_frame_is_where_the_motion_starts(sliding):
     found = run(sliding, keypoints_of("v1.mp4", first=2))
     assert np.allclose(found.H_first_from_frame[0], np.eye(3))

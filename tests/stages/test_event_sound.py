@@ -57,6 +57,7 @@ def run(action: Action, made: Made, reads: list[str]) -> stage.Sync:
     )
 
 
+@pytest.mark.long
 def test_the_offset_of_the_sound_is_used_and_said(folder: Path, made: Made) -> None:
     sync = run(read_action(folder), made, ["hints", "sound"])
     assert sync.sound_start_s is not None

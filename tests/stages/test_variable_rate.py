@@ -118,6 +118,7 @@ def matched(joints, fps, time_s):
     return 1000 * float(np.nanmean(np.abs(error_s)))
 
 
+@pytest.mark.long
 def test_sync_is_right_by_time_stamps():
     """15 ms instead of 33."""
     joints = joints_at(0.3 + TIME_S)

@@ -45,6 +45,7 @@ def test_a_performer_who_stands_still_is_matched_however_wrong_the_pose(error_m:
         assert np.isfinite(frames[phase >= 0]).all()
 
 
+@pytest.mark.long
 def test_a_video_that_stands_before_the_others_begin_is_unmatched_there() -> None:
     rng = np.random.default_rng(2)
     phases = [np.arange(s, 4, 1 / FPS) for s in (0.0, -3.0, 0.1)]

@@ -93,6 +93,7 @@ def test_frames_of_a_turning_camera_are_homographies_of_each_other():
     assert np.abs(warp(H, np.array([0.0, 0.0]))).max() > 5.0
 
 
+@pytest.mark.long
 def test_rooms_are_rich_in_features_different_and_seeded():
     fast = cv2.FastFeatureDetector_create(20)
     images = []
