@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imocap_core.adapters.hints import event_sound, hints_of, with_one_offset, with_sound
-from imocap_core.artifacts.schemas import Keypoints, SyncMap, SyncTrust, VideoTrust
+from imocap_core.artifacts.schemas import Keypoints, SyncMap
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import read_sound
 from imocap_core.pipeline.action import Action, AnchorEntry, ForbiddenEntry, read_action
@@ -15,6 +15,7 @@ from imocap_core.pipeline.keys import recipe
 from imocap_core.sync import Anchor, Hints
 from tests.adapters.test_synchronisation import made
 from tests.io.made_sound import RATE, event, loop, recorded, write_film
+from tests.made_sync import trust_in
 from tests.report.made import Made
 
 HEAD = """\
@@ -142,15 +143,7 @@ def test_matches_become_lines_and_phases_follow() -> None:
         SyncMap(id=i, reference_frame=r, confidence=np.ones(FRAMES))
         for i, r in (("v1", np.arange(FRAMES, dtype=float)), ("v2", wobbling), ("v3", position))
     ]
-    trust = SyncTrust(
-        videos=[
-            VideoTrust(id=i, phase_s=np.arange(FRAMES) / 30, outlier_score=0.0, mirror_margin=0.0,
-                       left_out_frames=0.0, left_out_s=0.0, left_out_share=0.0, repetition_s=np.nan,
-                       repetition_ratio=np.nan)
-            for i in ("v1", "v2", "v3")
-        ],
-        triples=[],
-    )  # fmt: skip
+    trust = trust_in({i: np.arange(FRAMES) / 30 for i in ("v1", "v2", "v3")})
     given = made.sync.model_copy(
         update={"reference": "v1", "maps": maps, "trust": trust, "excluded": ["v3"]}
     )

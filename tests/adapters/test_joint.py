@@ -13,19 +13,13 @@ from imocap_core.adapters.participants import (
     mirrored_keypoints,
     mirrored_motion,
 )
-from imocap_core.artifacts.schemas import (
-    AlternativeMotion,
-    Keypoints,
-    SmplBa,
-    SyncMap,
-    SyncTrust,
-    VideoTrust,
-)
+from imocap_core.artifacts.schemas import AlternativeMotion, Keypoints, SmplBa, SyncMap, SyncTrust
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.repair import LEGS
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import FitParams, MotionParams, Params
+from tests.made_sync import trust_in
 from tests.report.made import K, Made
 
 FEW_STEPS = MotionParams(rounds=1, max_steps=2)  # the laws here hold wherever a solve stops
@@ -47,19 +41,12 @@ def problem(made: Made, **decided: list[str] | SyncTrust) -> JointProblem:
 
 
 def trusted(made: Made, confidence: float | None) -> SyncTrust:
-    """Every video's phases, and how sure they are."""
-    nan, fps = float("nan"), made.keypoints.videos[0].fps
-    return SyncTrust(
-        videos=[
-            VideoTrust(
-                id=i, phase_s=f / fps, outlier_score=nan, mirror_margin=nan, left_out_frames=nan,
-                left_out_s=nan, left_out_share=nan,
-                phase_confidence=None if confidence is None else np.full(len(f), confidence),
-            )
-            for i, f in zip(made.ids, made.frames, strict=True)
-        ],
-        triples=[],
-    )  # fmt: skip
+    """Every video's phases, and how sure they are; all have as many frames."""
+    phases = {
+        i: f / made.keypoints.videos[0].fps for i, f in zip(made.ids, made.frames, strict=True)
+    }
+    of_phase = None if confidence is None else np.full(len(made.frames[0]), confidence)
+    return trust_in(phases, phase_confidence=of_phase)
 
 
 def test_frames_that_the_reference_does_not_show_have_places_beyond_it(made: Made) -> None:

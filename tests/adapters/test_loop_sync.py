@@ -20,14 +20,7 @@ from imocap_core.adapters.loop_sync import (
 )
 from imocap_core.adapters.participants import mirrored_keypoints
 from imocap_core.adapters.synchronisation import evidence_of, summary_of
-from imocap_core.artifacts.schemas import (
-    Keypoints,
-    Sync,
-    SyncMap,
-    SyncSummary,
-    SyncTrust,
-    VideoTrust,
-)
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncSummary, SyncTrust
 from imocap_core.motion.multiview.alternation import LoopRound
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.state import mirrored_joints
@@ -38,7 +31,7 @@ from imocap_core.sync import Hints
 from imocap_core.sync import screened as screening_of
 from imocap_core.sync.screening.screening import Screening, corrected, sentences
 from stages import refine_sync
-from tests.made_sync import stored_matrix
+from tests.made_sync import stored_matrix, trust_in
 from tests.report.made import K, Made
 
 FRAMES = 50
@@ -263,18 +256,7 @@ def test_nor_is_it_surer_of_what_the_reference_does_not_show() -> None:
 
 def with_repetition(of: Sync, ratio: float) -> Sync:
     """The second video fits 1.1 s later, its squared distances so many times as large."""
-    first, second = (
-        VideoTrust(
-            id=name,
-            phase_s=np.arange(4.0),
-            outlier_score=0.5,
-            mirror_margin=0.2,
-            left_out_frames=1.0,
-            left_out_s=0.1,
-            left_out_share=1.0,
-        )
-        for name in of.ids
-    )
+    first, second = trust_in({i: np.arange(4.0) for i in of.ids}).videos
     second = second.model_copy(update={"repetition_s": 1.1, "repetition_ratio": ratio})
     return of.model_copy(update={"trust": SyncTrust(videos=[first, second], triples=[])})
 

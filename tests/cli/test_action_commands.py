@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
 
 from imocap_core.artifacts.file_memory import exclusive
@@ -23,6 +22,7 @@ from imocap_core.library.people import VideoPeople
 from imocap_core.library.status import headline_of
 from imocap_core.library.tracked_people import people_of
 from imocap_core.pipeline.action import Action, Declaration
+from tests.made_keypoints import write_walk
 from tests.pick.conftest import picture
 from tests.pipeline.conftest import Toy
 from tests.stages.test_people import PARAMS
@@ -83,19 +83,8 @@ def test_the_headline_is_of_the_last_result_and_of_what_was_scored(tmp_path: Pat
     assert headline_of(file) == "matched 90%"
 
 
-def figure(x: float, scale: float = 1.0) -> dict[str, list[float]]:
-    spread = np.random.default_rng(0).uniform(-1, 1, (25, 2)) * [30, 80] * scale
-    points = np.concatenate([spread + (x, 180), np.full((25, 1), 0.9)], axis=1)
-    return {"pose_keypoints_2d": points.ravel().tolist()}
-
-
 def declared(folder: Path, name: str, **changes: Any) -> Declaration:
-    """A performer who walks, and a smaller bystander."""
-    detections = folder / name
-    detections.mkdir()
-    for t in range(20):
-        people = [figure(500, 0.5), figure(100 + 5 * t)]
-        (detections / f"{name}_{t:012d}_keypoints.json").write_text(json.dumps({"people": people}))
+    write_walk(folder / name)
     fields = {
         "id": name, "keypoints": name, "format": "openpose", "layout": "body25",
         "fps": 30.0, "size": (640, 360), "frames": (4, 20),

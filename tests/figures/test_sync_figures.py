@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import norm
 
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncTrust
-from imocap_core.artifacts.schemas.sync_schemas import VideoTrust
 from imocap_core.figures.style import DIMMED, quiet, save
 from imocap_core.figures.sync_figures import sync_picture, uncertainty_s
 from imocap_core.figures.sync_summary import common_moments, retimed, sync_rows, title_of
@@ -25,6 +24,7 @@ from imocap_core.film import (
     tile_shape,
 )
 from imocap_core.io.video import write_h264
+from tests.made_sync import trust_in
 from tests.report.made import FPS, SIZE, Made
 
 
@@ -187,14 +187,9 @@ def test_an_unmatched_tile_is_dimmed_and_says_so() -> None:
 
 def _trusted(made: Made) -> SyncTrust:
     """The phases that the made videos have, from before the reference to after it."""
-    videos = [
-        VideoTrust(
-            id=i, phase_s=(frames - 1 if k == 1 else frames) / FPS, outlier_score=0.0,
-            mirror_margin=0.0, left_out_frames=0.0, left_out_s=0.0, left_out_share=1.0,
-        )
-        for k, (i, frames) in enumerate(zip(made.ids, made.frames, strict=True))
-    ]  # fmt: skip
-    return SyncTrust(videos=videos, triples=[])
+    phases = [f / FPS for f in made.frames]
+    phases[1] = phases[1] - 1 / FPS
+    return trust_in(dict(zip(made.ids, phases, strict=True)))
 
 
 def test_a_film_lasts_as_long_as_any_video_has_a_place(made: Made) -> None:

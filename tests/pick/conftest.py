@@ -1,6 +1,5 @@
 """An action of short films with a walking figure and a bystander, and its keypoints."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 
 from imocap_core.io.video import write_h264
 from imocap_core.pick.server import picking
+from tests.made_keypoints import write_openpose
 from tests.pick.made import Asker
 
 FRAMES, SIZE, FPS = 40, (320, 180), 20.0
@@ -45,11 +45,7 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
         cut = CUT if name == "v1" else FRAMES
         frames = [picture(t, 40 * n, t >= cut) for t in range(FRAMES)]
         write_h264(folder / f"{name}.mp4", frames, FPS)
-        (folder / name).mkdir()
-        for t in range(FRAMES):
-            people = [{"pose_keypoints_2d": p.ravel().tolist()} for p in people_in(t)]
-            file = folder / name / f"{name}_{t:06d}_keypoints.json"
-            file.write_text(json.dumps({"people": people}))
+        write_openpose(folder / name, map(people_in, range(FRAMES)))
     return folder
 
 

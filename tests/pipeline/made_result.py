@@ -16,11 +16,9 @@ from imocap_core.artifacts.schemas import (
     SmplBa,
     Sync,
     SyncMap,
-    SyncTrust,
     VideoCameraMotion,
     VideoKeypoints,
     VideoMotion,
-    VideoTrust,
 )
 from imocap_core.artifacts.store import Store
 from imocap_core.body import load_free_body
@@ -29,7 +27,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.export.formats import Exported, export
 from imocap_core.library.result import Result
 from imocap_core.pipeline.action import Action
-from tests.made_sync import stored_matrix
+from tests.made_sync import stored_matrix, trust_in
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
 LENGTHS = {"a": 31, "b": 21}
@@ -101,18 +99,7 @@ def refined(phases: dict[str, np.ndarray] | None) -> RefineSync:
         cameras=[Camera(id=v, K=K, R=R, t=t) for v, (R, t) in POSES.items()],
         objective=[1.0], misfit=1.0, status="",
     )  # fmt: skip
-    trust = None
-    if phases is not None:
-        trust = SyncTrust(
-            videos=[
-                VideoTrust(
-                    id=v, phase_s=phase, outlier_score=0.0, mirror_margin=0.0,
-                    left_out_frames=0.0, left_out_s=0.0, left_out_share=1.0,
-                )
-                for v, phase in phases.items()
-            ],
-            triples=[],
-        )  # fmt: skip
+    trust = None if phases is None else trust_in(phases)
     count = sum(LENGTHS.values())
     sync = Sync(
         reference="a", ids=list(LENGTHS), lengths=list(LENGTHS.values()),

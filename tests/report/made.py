@@ -1,6 +1,5 @@
 """A small made scene as artifacts: a body that waves its limbs before two or more cameras."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +28,7 @@ from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.scoreboard import body_points
 from imocap_core.io.truth import model_text
-from tests.made_keypoints import made_keypoints
+from tests.made_keypoints import made_keypoints, write_openpose
 from tests.made_sync import stored_matrix
 
 SIZE = (320, 240)
@@ -110,14 +109,10 @@ class Made:
 
     def write_openpose(self, folder: Path, v: int, frames: int | None = None) -> Path:
         """What OpenPose would write of a video, or of its first frames."""
-        folder.mkdir(parents=True)
         columns = list(self.model.points(LAYOUT).columns)
-        for n, xy in enumerate(self.keypoints.videos[v].xy_px[:frames]):
-            person = np.zeros((25, 3))
-            person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
-            people = [{"pose_keypoints_2d": person.ravel().tolist()}]
-            (folder / f"c_{n:06d}_keypoints.json").write_text(json.dumps({"people": people}))
-        return folder
+        people = np.zeros((len(self.frames[v]), 25, 3))
+        people[:, columns, :2], people[:, columns, 2] = self.keypoints.videos[v].xy_px, 0.9
+        return write_openpose(folder, people[:frames, None])
 
     def _turned(self, angle: float) -> np.ndarray:
         return rotations.exp(torch.tensor([0.0, angle, 0.0], dtype=torch.float64)).numpy()

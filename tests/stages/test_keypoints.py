@@ -1,6 +1,5 @@
 """The stage keypoints: the performer of each declared video, or a sentence what to do."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.stage import Context, Inputs
 from stages import keypoints
 from tests.io import made_keypoints
+from tests.made_keypoints import standing_at, write_walk
 
 SIZE = (640, 360)
 KEYPOINTS = KeypointsParams(
@@ -19,20 +19,9 @@ KEYPOINTS = KeypointsParams(
 PARAMS = Params(keypoints=KEYPOINTS)
 
 
-def body(x, scale=1.0):
-    spread = np.random.default_rng(0).uniform(-1, 1, size=(25, 2)) * [30, 80] * scale
-    points = np.concatenate([spread + np.array([x, 180]), np.full((25, 1), 0.9)], axis=1)
-    return {"pose_keypoints_2d": points.ravel().tolist()}
-
-
 @pytest.fixture
 def folder(tmp_path):
-    """Twenty frames of a performer who walks, with a smaller bystander who comes first."""
-    detections = tmp_path / "keypoints" / "v1"
-    detections.mkdir(parents=True)
-    for t in range(20):
-        content = {"people": [body(500, 0.5), body(100 + 5 * t)]}
-        (detections / f"v1_{t:012d}_keypoints.json").write_text(json.dumps(content))
+    write_walk(tmp_path / "keypoints" / "v1")
     return tmp_path
 
 
@@ -62,7 +51,7 @@ def test_the_performer_of_the_used_frames(folder):
     assert found.tracks_found == 2
     assert found.presence == 1.0
     assert found.focal_px == 700.0
-    expected = np.reshape(body(100 + 5 * 4)["pose_keypoints_2d"], (25, 3))
+    expected = standing_at(100 + 5 * 4)
     assert np.allclose(found.xy_px[0], expected[:, :2])
     low, high = expected[:, :2].min(axis=0), expected[:, :2].max(axis=0)
     assert np.allclose(found.person_box_px[0], [*low, *high])
@@ -93,12 +82,7 @@ def test_what_is_not_declared_is_told_by_the_files(folder):
 
 def test_other_formats_give_the_same_performer(folder):
     given = run(folder)
-    people = {
-        t: [
-            np.reshape(b["pose_keypoints_2d"], (25, 3)) for b in (body(500, 0.5), body(100 + 5 * t))
-        ]
-        for t in range(20)
-    }
+    people = {t: [standing_at(500, 0.5), standing_at(100 + 5 * t)] for t in range(20)}
     path = made_keypoints.write_alphapose(folder, people)
     for declared in ({"format": "alphapose"}, {"format": None}):
         found = run(folder, keypoints=path.name, **declared)

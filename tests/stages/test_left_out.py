@@ -1,6 +1,5 @@
 """One bad video never moves the others: their keypoints are those that they have without it."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.stage import Context, Inputs
 from stages import keypoints
 from tests.io.damaged_video import FPS, SIZE, write_damaged
+from tests.made_keypoints import write_openpose
 
 PARAMS = Params(keypoints=KeypointsParams())
 FRAMES = 60
@@ -23,15 +23,10 @@ FRAMES = 60
 
 def declared(folder: Path, name: str, **changes: Any) -> Declaration:
     """A video of somebody who walks, beside a smaller bystander."""
-    detections = folder / name
-    detections.mkdir(exist_ok=True)
-    rng = np.random.default_rng(3)
+    rng, there = np.random.default_rng(3), np.full((25, 1), 0.9)
     walker, bystander = rng.uniform(-1, 1, (2, 25, 2)) * [9, 30]
-    for t in range(FRAMES):
-        places = (walker + [20 + t, 48], 0.5 * bystander + [100, 48])
-        bodies = [np.column_stack([p, np.full(25, 0.9)]).ravel().tolist() for p in places]
-        people = [{"pose_keypoints_2d": body} for body in bodies]
-        (detections / f"c_{t:06d}_keypoints.json").write_text(json.dumps({"people": people}))
+    places = ((walker + [20 + t, 48], 0.5 * bystander + [100, 48]) for t in range(FRAMES))
+    write_openpose(folder / name, ([np.hstack([p, there]) for p in both] for both in places))
     fields = {"keypoints": name, "format": "openpose", "layout": "body25", "fps": FPS, "size": SIZE}
     return Declaration(id=name, **{**fields, **changes})
 

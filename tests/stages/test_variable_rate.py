@@ -1,7 +1,6 @@
 """A phone's video of variable frame rate: speeds and sync are right by time stamps, and wrong at
 the constant rate that its header gives."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +23,7 @@ from imocap_core.pipeline.action import Action, AnchorEntry, Declaration, Forbid
 from imocap_core.pipeline.stage import Context
 from imocap_core.sequences import even_moments, points_at_moments
 from tests.io.made_times import write_timed
+from tests.made_keypoints import write_openpose
 from tests.stages.test_keypoints import run
 from tests.sync.test_synchronise import PARAMS, pose_at
 
@@ -56,12 +56,9 @@ def folder(tmp_path_factory):
     """The video and its detections, frame by frame."""
     folder = tmp_path_factory.mktemp("phone")
     write_timed(folder / "phone.mp4", TIME_S, SIZE)
-    detections = folder / "keypoints" / "v1"
-    detections.mkdir(parents=True)
-    for t, xy in enumerate(pixels_at(TIME_S)):
-        person = np.nan_to_num(np.c_[xy, np.isfinite(xy[:, 0]) * 0.9])
-        content = {"people": [{"pose_keypoints_2d": person.ravel().tolist()}]}
-        (detections / f"v1_{t:012d}_keypoints.json").write_text(json.dumps(content))
+    xy = pixels_at(TIME_S)
+    people = np.nan_to_num(np.concatenate([xy, 0.9 * np.isfinite(xy[..., :1])], axis=-1))
+    write_openpose(folder / "keypoints" / "v1", people[:, None])
     return folder
 
 
