@@ -81,7 +81,6 @@ def test_an_action_that_has_not_run_is_named_with_the_remedy(made: Made, tmp_pat
 def test_an_artifact_of_another_version_is_named_in_one_line(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     other = job.store.load(NAME, "keypoints")
-    assert other is not None
     job.store.publish(NAME, "camera_motion", other)
     with pytest.raises(WorkFailed, match=r"another camera_motion .*imocap run waving$") as said:
         films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)

@@ -132,7 +132,6 @@ def test_a_result_that_is_only_here_is_published_by_the_next_run(tmp_path, share
     alone.cached("sync", KEY).unlink()  # the current one remains
     here = machine(tmp_path, shared, "here")
     stored = here.find("yoga", "sync", KEY)
-    assert stored is not None
     here.share("sync", stored, made=False)
     assert shared.has(remote(shared))
 
@@ -230,7 +229,6 @@ class Proxy(socketserver.BaseRequestHandler):
 
     def handle(self) -> None:
         server = self.server
-        assert isinstance(server, ProxyServer)
         with socket.create_connection(("127.0.0.1", server.behind)) as behind:
             back = threading.Thread(target=pump, args=(behind, self.request))
             back.start()

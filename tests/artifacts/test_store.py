@@ -130,7 +130,6 @@ def test_what_the_program_added_to_the_report_stays_until_the_result_changes(sto
     (report / "viewer.html").write_bytes(b"made from one")
     record_made(report, ["viewer.html"])
     current = store.find("yoga", "sync", "one")
-    assert current is not None
     store.publish("yoga", "sync", current)
     assert {p.name for p in report.iterdir()} == {"a.csv", "viewer.html", RECORD}
     (report / "a.csv").unlink()
@@ -194,7 +193,6 @@ def test_an_action_has_one_run_at_a_time(store: Store) -> None:
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         with store.lock("dance", lambda: pytest.fail("another action must not wait")):
             pass

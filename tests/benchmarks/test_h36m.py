@@ -62,7 +62,6 @@ def test_cameras_are_found_from_the_pairs(folder: Path) -> None:
     joints = walking()[:, [H36M_17.index(n) for n in EVAL_14]]
     for view, shot in zip(CAMERA_PLACEMENTS, shots, strict=False):
         K, R, _ = place_camera(view, joints, (1000, 1002))
-        assert shot.recorded is not None
         assert shot.recorded.K[0, 0] == pytest.approx(K[0, 0], rel=0.02)
         assert np.arccos((np.trace(shot.recorded.R @ R.T) - 1) / 2) < np.radians(0.7)
         assert shot.recorded.xy_px.shape == (FRAMES, 18, 2)

@@ -30,7 +30,6 @@ def made(tmp_path: Path) -> Made:
     made = made_result(tmp_path)
     for stage in ("keypoints", "camera_motion", "refine_sync"):  # now as a run makes them
         stored = made.store.load("walk", stage)
-        assert stored is not None
         publish(tmp_path, "walk", stage, stored.decode(KINDS[stage]))
     return made
 

@@ -56,12 +56,10 @@ def test_a_failed_run_is_recorded(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> 
 def test_peak_memory_is_that_since_the_restart() -> None:
     numbers = np.ones(2**25)
     before = process.peak_bytes()
-    assert before is not None
     assert before > numbers.nbytes
     del numbers
     process.restart_peak()
     after = process.peak_bytes()
-    assert after is not None
     assert after < before - 2**27
 
 
@@ -144,7 +142,6 @@ def test_remarks_take_one_line() -> None:
 
 def test_the_sentence_names_both_sizes_and_what_to_do() -> None:
     sentence = memory_notice([7200, 7000], 1_000_000_000)
-    assert sentence is not None
     assert "2 videos, 14,200 frames, 7,200 in the longest" in sentence
     assert "1.00 GB are available: use fewer frames (`frames`" in sentence
     assert memory_notice([7200, 7000], 64_000_000_000) is None

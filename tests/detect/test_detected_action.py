@@ -128,7 +128,6 @@ def test_world_landmarks_come_with_the_keypoints_and_an_estimate_stays(place: Pl
     assert place.run("run", "mine", "--until", "keypoints") == 0
     own, other = place.keypoints().videos
     assert (own.initial_format, other.initial_format) == ("joints_npz", None)
-    assert other.joints_m is not None
     assert np.isfinite(other.joints_m).all(-1).sum() > 0
 
 

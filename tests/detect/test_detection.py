@@ -69,7 +69,6 @@ def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_pytho
     assert [len(people) for people in detections.people] == [1, 1, 0, 1, 1]
     for frame in (0, 1, 3, 4):
         column = COLUMNS[frame]
-        assert column is not None
         assert abs(detections.people[frame][0, 0, 0] - column) <= 2.5
         assert np.isclose(detections.people[frame][0, 32, 2], 0.82)
     boxes = np.tile([0.0, 0.0, *SIZE], (5, 1))
@@ -113,7 +112,6 @@ def refuse(*_: object) -> None:
 def test_hands_are_read_where_they_were_asked_for(tmp_path: Path, detector_python: Path) -> None:
     file = detected(tmp_path, detector_python, hands=True)
     hands = read_mediapipe_hands(file, np.array([2, 3]), SIZE)
-    assert hands is not None
     xy_px, confidence = hands
     assert confidence.sum(axis=2).tolist() == [[0, 0], [21, 0]]
     assert np.isnan(xy_px[0]).all()
@@ -344,8 +342,6 @@ def test_a_detector_that_hangs_ends_when_its_run_is_killed(tmp_path: Path) -> No
     pictures.touch()
     command = [sys.executable, "-c", PROGRAM, HANGS, str(pictures)]
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as program:
-        assert program.stdout is not None
-        assert program.stderr is not None
         worker = int(program.stdout.readline())
         assert program.stderr.readline() == "hangs\n"
         assert is_running(worker)

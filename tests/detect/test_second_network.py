@@ -166,10 +166,7 @@ def test_a_body_is_doubted_until_both_agree() -> None:
 
 def test_between_two_looks_its_points_lie_between_too() -> None:
     a, b = told(standing(), 0.0), told(standing(), 0.02)
-    assert a.second_xy_px is not None
-    assert b.second_xy_px is not None
     half = between(a, b, 0.25).second_xy_px
-    assert half is not None
     assert np.allclose(half, 0.75 * a.second_xy_px + 0.25 * b.second_xy_px)
     assert between(replace(a, second_xy_px=None), b, 0.5).second_xy_px is b.second_xy_px
 

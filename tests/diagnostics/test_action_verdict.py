@@ -282,8 +282,6 @@ def test_a_foot_that_leaps_in_depth_is_named_with_its_frames() -> None:
     (finding,) = (f for f in verdict.findings if f.kind == "feet" and f.video == "v2")
     leap = still.frames[24]
     assert finding.brief == "feet wrong in depth"
-    assert finding.first_frame is not None
-    assert finding.last_frame is not None
     assert leap - 5 <= finding.first_frame <= leap <= finding.last_frame <= leap + 5
     assert "m/s" in finding.sentence
 

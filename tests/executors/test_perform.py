@@ -246,7 +246,6 @@ def test_a_script_needs_no_guard(how: str, tmp_path: Path) -> None:
 def test_workers_of_a_killed_process_end() -> None:
     command = [sys.executable, "-c", SCRIPT.format(seconds=3600)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
-        assert parent.stdout is not None
         lines = [parent.stdout.readline().strip() for _ in range(3)]
         worker = int(lines[2])
         assert is_running(worker)

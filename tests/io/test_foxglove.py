@@ -49,7 +49,6 @@ def read(file: Path) -> tuple[dict[str, list[Any]], list[int]]:
     times = []
     with file.open("rb") as stream:
         for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
-            assert schema is not None
             pool = descriptor_pool.DescriptorPool()
             for proto in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
                 pool.Add(proto)

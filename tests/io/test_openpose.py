@@ -86,7 +86,6 @@ def test_the_hands_of_this_very_person(tmp_path: Path) -> None:
     write_hands(tmp_path, 4, [person(90, hand(1), hand(2)), person(0, hand(3), None)])
     write_hands(tmp_path, 6, [person(0, [], hand(5)), person(90, hand(1), hand(2))])
     hands = read_openpose_hands(tmp_path, FRAMES, np.stack([BODY] * 3))
-    assert hands is not None
     xy, confidence = hands
     assert (xy[0, 0] == 3).all()
     assert (xy[2, 1] == 5).all()

@@ -38,7 +38,6 @@ def test_load_gives_what_run_gave(small_run: SmallRun) -> None:
         np.testing.assert_array_equal(one.joints, two.joints)
         np.testing.assert_array_equal(one.uncertainty, two.uncertainty)
         assert one.video == two.video
-        assert one.video is not None
         assert one.video.is_file()
     before = imocap.load(small_run.root / "artifacts" / "serve", stage="smpl_ba")
     assert before["v1"].joints.shape == loaded["v1"].joints.shape
@@ -275,5 +274,4 @@ def test_a_change_is_compared_with_the_last_result(small_run: SmallRun) -> None:
     sentence = compared(result, result)
     assert sentence.startswith("2 videos; the motion of all moved by 0 mm; expected error ")
     error = expected_error_mm(result)
-    assert error is not None
     assert np.isfinite(error)

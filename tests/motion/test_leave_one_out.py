@@ -56,7 +56,6 @@ def test_what_a_video_shows_alone_is_not_predicted(made: Made) -> None:
     plain = with_other_arm(whole(made), made, VIDEO)
     wrist = made.body.keypoints.names.index("left_wrist")
     of_all = solution(made, plain)
-    assert of_all.spread is not None
     others = motion_of_others(
         plain, made.state, made.cameras(), of_all.spread, VIDEO, MotionParams()
     )

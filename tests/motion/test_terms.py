@@ -408,7 +408,6 @@ def test_the_arm_is_from_the_middle_of_the_feet_to_the_centre_of_mass() -> None:
 def test_a_motion_of_the_batch_by_itself_has_its_frames() -> None:
     made = scene(20, [0.0], np.random.default_rng(0))
     (term,) = balance_terms(made.body, leaning(0.3), made.observations, FitParams())
-    assert isinstance(term, Balance)
     short = leaning(0.3, frames=5)
     assert float(term.of(0, 5).cost(short)[0]) < float(term.cost(leaning(0.3))[0])
 

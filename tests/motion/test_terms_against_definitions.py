@@ -121,7 +121,6 @@ def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
 
 def test_views_gathered_by_their_points_are_their_rows(body: Body, state: MotionState) -> None:
     for term in (reprojection(body, state), two_offset_views(body, state)):
-        assert isinstance(term, Reprojection)
         expected = rows_of(term, state)
         found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
         term.add_to(found, state)
@@ -149,7 +148,6 @@ def test_an_estimate_weighs_as_its_centred_joints_do(body: Body, state: MotionSt
     found = linearise([JointEvidence(body, joints, weight, 1e9)], state)
     share = weight / weight.sum(-1, keepdim=True)
     d_xyz = body.derivatives(body.joints, state).d_pose
-    assert d_xyz is not None
     centred = d_xyz - (share[..., None, None] * d_xyz).sum(2, keepdim=True)
     rows = (weight.sqrt()[..., None, None] * centred).flatten(2, 3)
     expected = rows.mT @ rows
@@ -211,7 +209,6 @@ def rows_of_feet(term: FootContact, state: MotionState) -> NormalEquations:
     n = FRAME_UNKNOWNS
     found = NormalEquations.zeros(B, T, n, state.unknown_globals, state.trans)
     feet = term.body.derivatives(term.body.feet, state)
-    assert feet.d_pose is not None
     place = torch.eye(3).double().expand(*feet.xyz.shape, 3)
     frame = torch.cat([feet.d_pose, place], -1)
     step = feet.xyz[:, 1:] - feet.xyz[:, :-1]

@@ -19,7 +19,6 @@ class Asker:
     def __init__(self, served: Served, file: Path) -> None:
         self.served, self.file = served, file
         parts = urlsplit(served.address)
-        assert parts.port is not None
         self.port, self.token = parts.port, parts.path.strip("/")
         self.host = f"127.0.0.1:{self.port}"
 

@@ -163,7 +163,6 @@ def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
     command = [sys.executable, "-m", "stages", "run", "toy", "--root", str(toy.root)]
     with store.lock("toy", lambda: None):
         second = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert second.stdout is not None
         said = second.stdout.readline()
         assert toy.ran() == []
     out, _ = second.communicate(timeout=300)

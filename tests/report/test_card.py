@@ -39,7 +39,6 @@ def test_it_fits_a_phone_and_a_sheet(made: Made, tmp_path: Path) -> None:
     verdict = Verdict(("Three videos are synchronised.",), ())
     assert card_page("waving", verdict, [], videos, made.refined, model) is None
     page = card_page("waving <b>", verdict, given, videos, made.refined, model)
-    assert page is not None
     assert "<b>" not in page
     assert re.findall(r"<h2>(\d)\. (\w+)", page) == [("1", "knee"), ("2", "hip"), ("3", "elbow")]
     assert page.count("<img ") == 9

@@ -113,7 +113,6 @@ def test_a_map_led_through_ties_stays_in_order_and_keeps_gaps() -> None:
 def test_an_anchor_weighs_the_same_at_any_rate_of_observations() -> None:
     """Its nats against the evidence's: squares times observations, as warps weigh them."""
     penalty = anchor_penalty([[], [AnchorPoint(3, 20.0, False)]], [30.0, 30.0], 0, 1)
-    assert penalty is not None
     squares = NearbySquares.of(np.ones((6, 40)))
     nats = [
         (penalty(1, squares, 1.0, rate).nearby.dense() - 1.0) * rate / 30.0 for rate in (15.0, 60.0)

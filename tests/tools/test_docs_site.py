@@ -134,7 +134,6 @@ def test_the_citation_file_names_the_project_and_the_paper() -> None:
 
 @pytest.mark.skipif(MKDOCS is None, reason="no mkdocs; make docs installs it in .venv-docs")
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
-    assert MKDOCS is not None
     done = subprocess.run(
         [MKDOCS, "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
         cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True,

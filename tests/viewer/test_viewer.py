@@ -196,7 +196,6 @@ def test_an_unknown_uncertainty_is_not_shown_as_certain(made: Made) -> None:
     entry = uncertainty_entry(
         block, made.claimed.model_copy(update={"videos": videos}), videos[0].id
     )
-    assert entry is not None
     shown = read_entry(entry, base64.b64decode(block.base64()))
     assert list(shown[:3]) == [UNKNOWN_MM, UNKNOWN_MM - 1, UNKNOWN_MM - 1]
 
