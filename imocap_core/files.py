@@ -13,6 +13,7 @@ A file that is not listed, or has another content by now, is somebody's.
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 import os
@@ -25,7 +26,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 
 def writer() -> str:
@@ -133,6 +134,12 @@ def write_whole(file: Path, text: str) -> None:
         stream.write(text.encode("utf-8"))
 
 
+def write_csv(file: Path, head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a table, comma-separated, with its heading."""
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream, lineterminator="\n").writerows([head, *rows])
+
+
 def is_whole_page(file: Path) -> bool:
     """Whether there is an HTML page, and it ends as one: not cut off by a full disk."""
     with suppress(OSError), file.open("rb") as stream:
@@ -156,7 +163,7 @@ RECORD = ".made.json"
 
 def record_made(folder: Path, names: Iterable[str]) -> None:
     """Add files of a folder (names relative to it) to those that the program wrote."""
-    made = _made(folder) | {name: _digest(folder / name) for name in names}
+    made = _made(folder) | {name: sha256_of(folder / name) for name in names}
     write_whole(folder / RECORD, json.dumps(made, indent=1, sort_keys=True) + "\n")
 
 
@@ -166,15 +173,16 @@ def user_files(folder: Path) -> list[str]:
     return sorted(
         name
         for path in folder.rglob("*")
-        if (path.is_file() or path.is_symlink()) and (name := _name(path, folder)) != RECORD
-        if path.is_symlink() or name not in made or made[name] != _digest(path)
+        if path.is_file() or path.is_symlink()
+        if (name := path.relative_to(folder).as_posix()) != RECORD
+        if path.is_symlink() or name not in made or made[name] != sha256_of(path)
     )
 
 
 def is_as_made(folder: Path, name: str) -> bool:
     """Whether the program wrote this file, and nobody has changed it since."""
     path, made = folder / name, _made(folder)
-    return path.is_file() and not path.is_symlink() and made.get(name) == _digest(path)
+    return path.is_file() and not path.is_symlink() and made.get(name) == sha256_of(path)
 
 
 def _made(folder: Path) -> dict[str, str]:
@@ -186,11 +194,8 @@ def _made(folder: Path) -> dict[str, str]:
     return record if isinstance(record, dict) else {}
 
 
-def _name(path: Path, folder: Path) -> str:
-    return path.relative_to(folder).as_posix()
-
-
-def _digest(file: Path) -> str:
+def sha256_of(file: Path) -> str:
+    """The digest of a file's content."""
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

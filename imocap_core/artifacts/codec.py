@@ -15,7 +15,7 @@ import json
 import math
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
@@ -30,7 +30,7 @@ from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from zstandard import ZstdError, frame_content_size
 
 from imocap_core import limits
@@ -64,11 +64,6 @@ _POOL.Add(_FILE)
 _NdArray: Any = message_factory.GetMessageClass(_POOL.FindMessageTypeByName(NAME))
 
 
-def descriptor_set() -> bytes:
-    """The schema as MCAP wants it: a serialized FileDescriptorSet."""
-    return descriptor_pb2.FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
-
-
 def to_bytes(name: str, array: Shaped[np.ndarray, "..."]) -> bytes:
     """One array as a message; little endian, C order."""
     little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
@@ -86,51 +81,24 @@ def from_bytes(data: bytes) -> tuple[str, Shaped[np.ndarray, "..."]]:
     return message.name, array.astype(dtype.newbyteorder("="), copy=True)
 
 
-MAX_NESTING = 50  # brackets within brackets of one text
+FORMS: dict[str, TypeAdapter[Any]] = {
+    "code": TypeAdapter(dict[str, str]),
+    "params": TypeAdapter(dict[str, dict[str, Any]]),
+    "seed": TypeAdapter(int),
+    "inputs": TypeAdapter(dict[str, str]),
+    "reads": TypeAdapter(dict[str, str]),
+    "format": TypeAdapter(int),
+}
 
 
 def check_provenance(provenance: Mapping[str, str]) -> None:
     """ArtifactCorrupt when a part of the recipe is not of its form; parts may be missing."""
-    for name, fits in FORMS.items():
-        if name in provenance and not _is_json_of(provenance[name], fits):
-            raise ArtifactCorrupt(f"its provenance has no usable {name}")
-
-
-def _is_json_of(text: str, fits: Callable[[Any], bool]) -> bool:
-    try:
-        value = json.loads(text)
-        return _is_shallow(value, MAX_NESTING) and fits(value)
-    except (ValueError, RecursionError):
-        return False
-
-
-def _is_shallow(value: Any, levels: int) -> bool:
-    if not isinstance(value, (dict, list)):
-        return True
-    parts = value.values() if isinstance(value, dict) else value
-    return levels > 0 and all(_is_shallow(part, levels - 1) for part in parts)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int)
-
-
-def _are_texts(value: Any) -> bool:
-    return isinstance(value, dict) and all(isinstance(part, str) for part in value.values())
-
-
-def _are_groups(value: Any) -> bool:
-    return isinstance(value, dict) and all(isinstance(part, dict) for part in value.values())
-
-
-FORMS: dict[str, Callable[[Any], bool]] = {
-    "code": _are_texts,
-    "params": _are_groups,
-    "seed": _is_number,
-    "inputs": _are_texts,
-    "reads": _are_texts,
-    "format": _is_number,
-}
+    for name, form in FORMS.items():
+        try:
+            if name in provenance:
+                form.validate_json(provenance[name], strict=True)
+        except ValidationError:
+            raise ArtifactCorrupt(f"its provenance has no usable {name}") from None
 
 
 LIBRARY = "imocap artifact 1"  # fixed, so that equal artifacts give equal files
@@ -207,7 +175,8 @@ def write(stream: BinaryIO, content: Content, json_schema: Mapping[str, Any]) ->
     header_schema = writer.register_schema(
         name=SCHEMA_PREFIX + content.schema, encoding="jsonschema", data=schema_text
     )
-    array_schema = writer.register_schema(name=NAME, encoding="protobuf", data=descriptor_set())
+    files = descriptor_pb2.FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
+    array_schema = writer.register_schema(name=NAME, encoding="protobuf", data=files)
     messages = [(HEADER, "json", header_schema, content.header)]
     messages += [
         ("/" + name, "protobuf", array_schema, to_bytes(name, content.arrays[name]))

@@ -120,7 +120,11 @@ def save_memory(folder: Path) -> None:
     """Save what is remembered below a folder of artifacts, where that folder exists."""
     if not _memory().changed or not folder.is_dir():
         return
-    entries = {name: e for name, e in _memory().entries.items() if _exists(name)}
+    entries = {
+        name: entry
+        for name, entry in _memory().entries.items()
+        if os.path.exists(name.partition(" ")[2])
+    }
     text = json.dumps({"made_by": _made_by(), "entries": entries}, separators=(",", ":"))
     with suppress(OSError):
         write_whole(folder / FILE, text)
@@ -166,10 +170,6 @@ def _signature(path: Path) -> tuple[str, int]:
         sha.update(line.encode())
         newest_ns = max(newest_ns, status.st_mtime_ns)
     return sha.hexdigest(), newest_ns
-
-
-def _exists(name: str) -> bool:
-    return os.path.exists(name.partition(" ")[2])
 
 
 def _made_by() -> str:

@@ -68,14 +68,10 @@ class RetryingStore:
         self._files = files
 
     def has(self, name: str) -> bool:
-        """Whether there is a file of this name."""
         return self._patiently(lambda: self._files.has(name))
 
     def fetch(self, name: str, file: Path) -> bool:
-        """Write the content of a file over `file`; False when there is none.
-
-        OSError, with its folder, when the disk of `file` is full.
-        """
+        """OSError, with its folder, when the disk of `file` is full."""
 
         def fetch() -> bool | OSError:
             try:
@@ -91,7 +87,6 @@ class RetryingStore:
         return fetched
 
     def publish(self, file: Path, name: str) -> None:
-        """Make the content of `file` the one of this name."""
         self._patiently(lambda: self._files.publish(file, name))
 
     def _patiently(self, work: Callable[[], Value]) -> Value:
@@ -149,18 +144,16 @@ class FolderFiles:
         self._folder = folder
 
     def has(self, name: str) -> bool:
-        """Whether there is a file of this name."""
         return (self._existing() / name).is_file()
 
     def fetch(self, name: str, file: Path) -> bool:
-        """Write the content of a file over `file`; False when there is none."""
         if not self.has(name):
             return False
         shutil.copyfile(self._folder / name, file)
         return True
 
     def publish(self, file: Path, name: str) -> None:
-        """Make the content of `file` the one of this name: written aside, then renamed."""
+        # written aside, then renamed
         with atomic_write(self._existing() / name) as draft:
             shutil.copyfile(file, draft)
 
@@ -185,25 +178,20 @@ class RemoteFiles:
         self._system, self._base, self._puts_whole = system, base.rstrip("/"), puts_whole
 
     def has(self, name: str) -> bool:
-        """Whether there is a file of this name."""
         try:
             return bool(self._system.info(self._path(name))["type"] == "file")
         except FileNotFoundError:
             return False
 
     def fetch(self, name: str, file: Path) -> bool:
-        """Write the content of a file over `file`; False when there is none."""
         if not self.has(name):
             return False
         self._system.get_file(self._path(name), str(file))
         return True
 
     def publish(self, file: Path, name: str) -> None:
-        """Make the content of `file` the one of this name.
-
-        What is put into an object store is seen when all of it is there; elsewhere it is put aside
-        and renamed.
-        """
+        # What is put into an object store is seen when all of it is there; elsewhere it is put
+        # aside and renamed.
         target = self._path(name)
         if self._puts_whole:
             self._system.put_file(str(file), target)

@@ -89,7 +89,11 @@ def replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
             (fresh / name).write_bytes(data)
         record_made(fresh, files)
         for name in sorted(user_files(folder), key=lambda name: name in files):
-            _copy(folder / name, _free(fresh / name))
+            target = fresh / name
+            while target.exists() or target.is_symlink():
+                target = target.with_name(target.name + "~")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(folder / name, target, follow_symlinks=False)
         if folder.exists():
             os.replace(folder, old)
         try:
@@ -101,15 +105,3 @@ def replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
     finally:
         for leftover in (fresh, old):
             shutil.rmtree(leftover, ignore_errors=True)
-
-
-def _free(path: Path) -> Path:
-    """The path, or the first that does not exist with ~ added to its name."""
-    while path.exists() or path.is_symlink():
-        path = path.with_name(path.name + "~")
-    return path
-
-
-def _copy(source: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy2(source, target, follow_symlinks=False)

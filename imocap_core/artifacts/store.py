@@ -302,7 +302,9 @@ class Store:
         ArtifactCorrupt when it can't be read back.
         """
         file = self.current(action, stage)
-        return _read(file) if file.is_file() else None
+        from imocap_core.artifacts import codec
+
+        return stored_as(file, codec.read(file)) if file.is_file() else None
 
     def find(self, action: str, stage: str, key: str) -> Stored | None:
         """The result made under `key`, read and checked; None when there is none or it can't be
@@ -360,9 +362,8 @@ class Store:
         check_names(files)
         from imocap_core.artifacts import codec
 
-        packed = codec.pack(artifact)
-        content = codec.Content(
-            packed.schema, packed.header, packed.arrays, {**provenance, KEY: key}, dict(files)
+        content = replace(
+            codec.pack(artifact), provenance={**provenance, KEY: key}, files=dict(files)
         )
         file = self.cached(stage, key)
         with appearing(file) as stream:
@@ -410,18 +411,14 @@ def stored_as(file: Path, content: Content) -> Stored:
     return Stored(file, content.schema, content.digest, key, files, content)
 
 
-def _read(file: Path) -> Stored:
-    from imocap_core.artifacts import codec
-
-    return stored_as(file, codec.read(file))
-
-
 def _unread(file: Path) -> Stored:
     """An artifact whose content, where its head is remembered, is read only when asked for."""
+    from imocap_core.artifacts import codec
+
     read_now: list[Stored] = []
 
     def head_of(file: Path) -> dict[str, str | bool]:
-        stored = _read(file)
+        stored = stored_as(file, codec.read(file))
         read_now.append(stored)
         return {name: getattr(stored, name) for name in HEAD}
 

@@ -97,7 +97,12 @@ def collect_films(
     ]
     collected = CollectedList(
         name=name,
-        template=_listed_template(movement, folder),
+        template=ListedTemplate(
+            video=declared_path(movement.video, folder),
+            frames=movement.frames,
+            seconds=seconds(movement.frames, movement.fps),
+            given=movement.given,
+        ),
         films=[_listed_film(k, film, people, every, rows, folder) for k, film in enumerate(films)],
         occurrences=rows,
     )
@@ -153,15 +158,6 @@ def _occurrence(
     alone = len(people.of_shot(track.film, track.shot)) == 1
     shot = films[track.film].shots[track.shot]
     return occurrence_of(match, track, shot, params.margin_s, alone=alone)
-
-
-def _listed_template(movement: SoughtMovement, folder: Path) -> ListedTemplate:
-    return ListedTemplate(
-        video=declared_path(movement.video, folder),
-        frames=movement.frames,
-        seconds=seconds(movement.frames, movement.fps),
-        given=movement.given,
-    )
 
 
 def _listed_film(

@@ -91,17 +91,15 @@ def in_whole_cycles(matches: Sequence[Match], cycles: Sequence[Span], least: flo
             taken.add(cycle)
             rate = match.rate * (match.stop - match.first) / (cycle[1] - cycle[0])
             cycles_taken.append(replace(match, first=cycle[0], stop=cycle[1], rate=rate))
+
+    def holds_middle(a: Match, b: Match) -> bool:
+        return a.first <= (b.first + b.stop) / 2 < a.stop
+
     return [
         m
         for k, m in enumerate(cycles_taken)
-        if not any(_same(m, other) for other in cycles_taken[:k])
+        if not any(holds_middle(m, n) or holds_middle(n, m) for n in cycles_taken[:k])
     ]
-
-
-def _same(a: Match, b: Match) -> bool:
-    """Whether the middle of either lies in the other."""
-    middle_a, middle_b = (a.first + a.stop) / 2, (b.first + b.stop) / 2
-    return b.first <= middle_a < b.stop or a.first <= middle_b < a.stop
 
 
 MAX_STARTS = 160  # stretches that are tried

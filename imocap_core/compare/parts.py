@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from imocap_core.compare.compare import (
     expected_error_deg,
 )
 from imocap_core.figures.style import QUIET, color_of, grid, headline, new_figure
+from imocap_core.files import write_csv
 from imocap_core.technique import Modes, MotionDifference, in_words, largest
 
 _LEAST_LATE_S = 0.1
@@ -241,23 +241,20 @@ def write_course(
     columns: dict[str, Float[np.ndarray, "N J"]],
 ) -> None:
     """One row per moment and joint: `columns` (N, J) by name, empty where unknown."""
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(["phase_s", "joint", *columns])
-        for t, phase in enumerate(phase_s):
-            for j, name in enumerate(names):
-                rows.writerow([f"{phase:.4f}", name, *(_cell(c[t, j]) for c in columns.values())])
+    rows = [
+        [f"{phase:.4f}", name, *(_cell(c[t, j]) for c in columns.values())]
+        for t, phase in enumerate(phase_s)
+        for j, name in enumerate(names)
+    ]
+    write_csv(file, ["phase_s", "joint", *columns], rows)
 
 
 def write_performances(
     file: Path, ids: Sequence[str], columns: dict[str, Float[np.ndarray, " M"]]
 ) -> None:
     """One row per performance: `columns` (M,) by name."""
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(["video", *columns])
-        for m, video in enumerate(ids):
-            rows.writerow([video, *(_cell(c[m]) for c in columns.values())])
+    rows = [[video, *(_cell(c[m]) for c in columns.values())] for m, video in enumerate(ids)]
+    write_csv(file, ["video", *columns], rows)
 
 
 def _cell(value: float) -> str:

@@ -8,7 +8,6 @@ left alone, and the new one is refused.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from typing import Any
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.export_options import LAFAN1, ExportOptions
+from imocap_core.files import sha256_of
 from imocap_core.io.writers.bvh import FPS
 from imocap_core.io.writers.export_npz import (
     BETAS_NOTE,
@@ -37,7 +37,7 @@ NOTES = "export_*.json"
 
 def digests_of(files: Sequence[Path]) -> dict[str, str]:
     """SHA-256 of each file, by its name."""
-    return {file.name: _sha256(file) for file in files}
+    return {file.name: sha256_of(file) for file in files}
 
 
 def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
@@ -57,8 +57,8 @@ def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
 def _must_be_replaceable(
     target: Path, draft: Path, earlier: dict[str, dict[str, str]], notes: str
 ) -> None:
-    present = _sha256(target) if target.is_file() else ""
-    if present == _sha256(draft):
+    present = sha256_of(target) if target.is_file() else ""
+    if present == sha256_of(draft):
         return
     owners = [name for name, files in earlier.items() if files.get(target.name) == present]
     if not owners:
@@ -81,11 +81,6 @@ def _listed(notes: Path) -> dict[str, str]:
         return {str(name): str(digest) for name, digest in files.items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return {}
-
-
-def _sha256(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def write_cameras_and_sync(out: Path, result: ActionResult) -> list[Path]:

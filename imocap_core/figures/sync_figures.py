@@ -14,7 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from scipy.special import erfinv
 
 from imocap_core.adapters.sync_maps import affinity_between, maps_of
-from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncSummary, VideoKeypoints
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncSummary
 from imocap_core.figures.style import (
     ACCENT,
     INK,
@@ -121,7 +121,11 @@ def warp_figure(
     for video in others:
         _warp(panels[0], after, video, true_positions.get(video))
         if video in true_positions:
-            _error(panels[1], before, after, video, true_positions[video])
+            color = color_of(after.ids, video)
+            for sync, width, alpha in ((before, 0.8, 0.45), (after, 1.3, 1.0)):
+                if sync.reference == after.reference:
+                    off = map_of(sync, video).reference_frame - true_positions[video]
+                    panels[1].plot(off, color=color, lw=width, alpha=alpha)
         confidence = map_of(after, video).confidence
         panels[-1].plot(confidence, color=color_of(after.ids, video), lw=1.1)
     panels[0].set_ylabel(f"frame of {after.reference}")
@@ -169,14 +173,6 @@ def _warp(ax: Axes, sync: SyncSummary, video: str, true: Positions | None) -> No
 def map_of(sync: SyncSummary, video: str) -> SyncMap:
     """A video's map into the reference."""
     return next(m for m in sync.maps if m.id == video)
-
-
-def _error(ax: Axes, before: SyncSummary, after: SyncSummary, video: str, true: Positions) -> None:
-    color = color_of(after.ids, video)
-    for sync, width, alpha in ((before, 0.8, 0.45), (after, 1.3, 1.0)):
-        if sync.reference == after.reference:
-            matched = map_of(sync, video).reference_frame
-            ax.plot(matched - true, color=color, lw=width, alpha=alpha)
 
 
 def rounds_figure(
@@ -253,21 +249,21 @@ def _matrices(place: Figure | SubFigure, sync: Sync, others: list[str]) -> None:
 def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
     """Time in the reference over time in the video, with a band of one standard deviation."""
     videos = {v.id: v for v in keypoints.videos}
-    reference = videos[sync.reference]
+    reference_s = np.arange(len(videos[sync.reference].frames)) / videos[sync.reference].fps
     for row in sync_rows(keypoints, sync):
         if row.video == sync.reference:
             continue
         sync_map = map_of(sync, row.video)
         color = color_of(sync.ids, row.video)
-        here = _seconds(videos[row.video])
-        there = seconds_at(sync_map.reference_frame, _seconds(reference))
+        here = np.arange(len(videos[row.video].frames)) / videos[row.video].fps
+        there = seconds_at(sync_map.reference_frame, reference_s)
         band = uncertainty_s(sync_map.confidence, reach_s)
         label = title_of(sync, row.video)
         if row.matched > 0:
             label += f": {row.matched:.0%} matched, rate {row.rate:.2f}"
         ax.fill_between(here, there - band, there + band, color=color, alpha=0.25, lw=0)
         ax.plot(here, there, color=color, lw=1.6, label=label)
-    ends = _seconds(reference)[[0, -1]]
+    ends = reference_s[[0, -1]]
     ax.plot(
         ends, ends, color=QUIET, lw=1.0, ls=(0, (3, 3)), label=f"{sync.reference}: the reference"
     )
@@ -283,8 +279,3 @@ def uncertainty_s(confidence: Float[np.ndarray, " T"], reach_s: float) -> Float[
     seconds, at most _WIDEST_BAND_S."""
     sure = np.clip(np.nan_to_num(confidence), 1e-3, 1 - 1e-6)
     return np.minimum(reach_s / (np.sqrt(2) * erfinv(sure)), _WIDEST_BAND_S)
-
-
-def _seconds(video: VideoKeypoints) -> Float[np.ndarray, " T"]:
-    """Time of each used frame since the first of them."""
-    return np.asarray(np.arange(len(video.frames)) / video.fps)

@@ -54,9 +54,7 @@ def read_object(path: Path, name: str) -> Any:
                     f"{path}: {name}: expected an array of that name, the file has {have}"
                 )
             with archive.open(f"{name}.npy") as stream:
-                version = npy.read_magic(stream)
-                header = npy.read_array_header_1_0 if version == (1, 0) else _header_2
-                shape, _, dtype = header(stream)
+                shape, dtype = _npy_header(stream)
                 if shape != () or not dtype.hasobject:
                     raise ValueError(
                         f"{path}: {name}: expected one Python object, got {dtype} {shape}"
@@ -73,8 +71,11 @@ def read_object(path: Path, name: str) -> Any:
         ) from None
 
 
-def _header_2(stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    return npy.read_array_header_2_0(stream)
+def _npy_header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = npy.read_magic(stream)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    return shape, dtype
 
 
 _PACKED: dict[bytes, Callable[[io.BytesIO], Any]] = {
@@ -144,9 +145,7 @@ def _load_torch(content: bytes) -> Any:
 
 def _load_npy(content: bytes) -> Any:
     stream = io.BytesIO(content)
-    version = npy.read_magic(stream)
-    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    _, _, dtype = read(stream)
+    _, dtype = _npy_header(stream)
     if not dtype.hasobject:
         return np.load(io.BytesIO(content), allow_pickle=False)
     value = load_pickle(stream.read())

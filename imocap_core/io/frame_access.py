@@ -5,13 +5,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from queue import Full, Queue
-from threading import Event, Thread
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import av
 import numpy as np
@@ -200,14 +199,6 @@ class FrameReader:
 
 
 Item = TypeVar("Item")
-_POLL_S = 0.1
-
-
-@dataclass(frozen=True)
-class _End:
-    """Comes after the last item; the error that ended the iteration, if one did."""
-
-    error: BaseException | None = None
 
 
 def prefetch(items: Iterable[Item], depth: int = 4) -> Iterator[Item]:
@@ -218,39 +209,15 @@ def prefetch(items: Iterable[Item], depth: int = 4) -> Iterator[Item]:
     """
     if depth < 1:
         raise ValueError(f"depth: expected at least 1, got {depth}")
-    waiting: Queue[Item | _End] = Queue(depth)
-    closed = Event()
-    producer = Thread(target=_produce, args=(items, waiting, closed), daemon=True)
-    producer.start()
+    source, end = iter(items), object()
+    pool = ThreadPoolExecutor(1)
     try:
-        while not isinstance(item := waiting.get(), _End):
-            yield item
-        if item.error is not None:
-            raise item.error
+        waiting = deque(pool.submit(next, source, end) for _ in range(depth))
+        while (item := waiting.popleft().result()) is not end:
+            waiting.append(pool.submit(next, source, end))
+            yield cast("Item", item)
     finally:
-        closed.set()
-        producer.join()
-
-
-def _produce(items: Iterable[Item], waiting: Queue[Item | _End], closed: Event) -> None:
-    """Queue items until there are no more, one fails, or the consumer has closed; then the end."""
-    end = _End()
-    try:
-        for item in items:
-            _offer(item, waiting, closed)
-            if closed.is_set():
-                return
-    except BaseException as error:
-        end = _End(error)
-    _offer(end, waiting, closed)
-
-
-def _offer(item: Item | _End, waiting: Queue[Item | _End], closed: Event) -> None:
-    """Queue an item as soon as there is room, unless the consumer has closed."""
-    while not closed.is_set():
-        with suppress(Full):
-            waiting.put(item, timeout=_POLL_S)
-            return
+        pool.shutdown(cancel_futures=True)
 
 
 BEGINNING_BYTES = 1024

@@ -5,7 +5,8 @@ from __future__ import annotations
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
@@ -27,26 +28,25 @@ def load_arrays(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
     if not path.is_file():
         raise ValueError(f"{path}: no such file; check its path in action.yaml")
     if path.suffix.lower() == ".npy":
-        return {"keypoints": _array_of_npy(path)}
+        with _reading(path, "npy"):
+            must_unpack_to_little(path.stat().st_size)
+            table = np.load(path, mmap_mode="r", allow_pickle=False)  # no larger than the file
+            return {"keypoints": np.array(table)}
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: is not a readable npz file; write it again with numpy.savez")
-    try:
+    with _reading(path, "npz"):
         must_unpack_to_little(unpacked_size(path))
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name]) for name in archive.files}
-    except _UNREADABLE as error:
-        raise ValueError(
-            f"{path}: is not a readable npz file ({str(error)[:200]}); write it again"
-        ) from None
 
 
-def _array_of_npy(path: Path) -> Shaped[np.ndarray, "..."]:
+@contextmanager
+def _reading(path: Path, kind: str) -> Iterator[None]:
     try:
-        must_unpack_to_little(path.stat().st_size)
-        return np.array(np.load(path, mmap_mode="r", allow_pickle=False))  # no larger than the file
+        yield
     except _UNREADABLE as error:
         raise ValueError(
-            f"{path}: is not a readable npy file ({str(error)[:200]}); write it again"
+            f"{path}: is not a readable {kind} file ({str(error)[:200]}); write it again"
         ) from None
 
 
@@ -60,13 +60,8 @@ def array_names(path: Path) -> set[str]:
     """The names of an npz file's arrays. ValueError when it is missing or broken."""
     if not path.is_file():
         raise ValueError(f"{path}: no such file; check its path in action.yaml")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return {name.removesuffix(".npy") for name in archive.namelist()}
-    except _UNREADABLE as error:
-        raise ValueError(
-            f"{path}: is not a readable npz file ({str(error)[:200]}); write it again"
-        ) from None
+    with _reading(path, "npz"), zipfile.ZipFile(path) as archive:
+        return {name.removesuffix(".npy") for name in archive.namelist()}
 
 
 def numbers(

@@ -111,7 +111,9 @@ def display_of(frame: av.VideoFrame, aspect: float | None) -> PictureDisplay:
     axes = UPRIGHT
     if matrix is not None:
         axes = axes_of(np.frombuffer(bytes(matrix), np.int32, 9).reshape(3, 3))
-    return PictureDisplay(stored, _aspect(aspect), axes)
+    if aspect is None or not 1 / WIDEST <= aspect <= WIDEST or abs(aspect - 1) < SQUARE:
+        aspect = 1.0  # of square pixels in a rounded size, and for nonsense
+    return PictureDisplay(stored, aspect, axes)
 
 
 def axes_of(
@@ -126,13 +128,6 @@ def axes_of(
 
 def _sign(value: float) -> int:
     return -1 if value < 0 else 1
-
-
-def _aspect(aspect: float | None) -> float:
-    """An aspect ratio that cameras have; 1 for one that nearly is, and for nonsense."""
-    if aspect is None or not 1 / WIDEST <= aspect <= WIDEST or abs(aspect - 1) < SQUARE:
-        return 1.0
-    return aspect
 
 
 RgbPicture = UInt8[np.ndarray, "height width 3"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,30 +131,20 @@ def _motion_rows(
     ankles = [EVAL_12.index("left_ankle"), EVAL_12.index("right_ankle")]
     feet, true_feet = (r[:, ankles] + o[:, None] for r, o in zip(relative, roots, strict=True))
     contact = trajectory.foot_contacts(true_feet, fps)
-    values = (
-        position.acceleration_error_m_s2(relative[0], relative[1], true.frames, fps),
-        position.acceleration_error_m_s2(
-            gaussian_filter1d(relative[1], 1.0, axis=0), relative[1], true.frames, fps
-        ),
-        trajectory.root_path_error_mm(*roots),
-        trajectory.root_path_aligned_error_mm(*roots),
-        trajectory.foot_sliding_mm_s(feet, contact, fps, true_feet_m=true_feet),
-        trajectory.planted_foot_speed_mm_s(feet, contact, fps),
-        trajectory.planted_foot_speed_mm_s(true_feet, contact, fps),
+    rough, feet_note = gaussian_filter1d(relative[1], 1.0, axis=0), "no foot stands"
+    fast = (
+        position.acceleration_error_m_s2(x, relative[1], true.frames, fps)
+        for x in (relative[0], rough)
     )
-    feet_note = "no foot stands"
-    notes = (
-        "no three frames in a row",
-        "no three frames in a row",
-        "no frame has both",
-        "too few frames",
-        feet_note,
-        feet_note,
-        feet_note,
+    pairs = (
+        *((value, "no three frames in a row") for value in fast),
+        (trajectory.root_path_error_mm(*roots), "no frame has both"),
+        (trajectory.root_path_aligned_error_mm(*roots), "too few frames"),
+        (trajectory.foot_sliding_mm_s(feet, contact, fps, true_feet_m=true_feet), feet_note),
+        (trajectory.planted_foot_speed_mm_s(feet, contact, fps), feet_note),
+        (trajectory.planted_foot_speed_mm_s(true_feet, contact, fps), feet_note),
     )
-    return [
-        scored_row(result, video, *item) for item in zip(MOTION_METRICS, values, notes, strict=True)
-    ]
+    return _scored(result, video, MOTION_METRICS, pairs)
 
 
 def sync_rows(
@@ -190,10 +180,7 @@ def sync_rows(
         (sync.matched_share(errors), "no frame has a counterpart"),
         (sync.false_match_share(errors), "every frame has a counterpart"),
     )
-    return [
-        scored_row(result, video, name, *pair)
-        for name, pair in zip(SYNC_METRICS, pairs, strict=True)
-    ]
+    return _scored(result, video, SYNC_METRICS, pairs)
 
 
 def camera_row(
@@ -260,6 +247,13 @@ def scored_row(result: str, video: str, metric: str, value: float, if_nan: str) 
     if math.isfinite(value):
         return ScoreRow(result, video, metric, float(value))
     return ScoreRow(result, video, metric, None, if_nan)
+
+
+def _scored(
+    result: str, video: str, metrics: Sequence[str], pairs: Iterable[tuple[float, str]]
+) -> list[ScoreRow]:
+    """Several metrics, each with its value and the reason where that is not finite."""
+    return [scored_row(result, video, m, *p) for m, p in zip(metrics, pairs, strict=True)]
 
 
 def missing_note(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str]) -> str:
@@ -364,10 +358,7 @@ def world_rows(
         (trajectory.wa_mpjpe_mm(*pair), "no frame has both"),
         (trajectory.rte_pct(*roots), "the true root does not move"),
     )
-    return [
-        scored_row(result, video, metric, *value)
-        for metric, value in zip(WORLD_METRICS, values, strict=True)
-    ]
+    return _scored(result, video, WORLD_METRICS, values)
 
 
 def rotation_rows(
@@ -378,11 +369,8 @@ def rotation_rows(
 ) -> list[ScoreRow]:
     """Errors of local joint rotations: all 24, and the mean of the three of the spine."""
     spine = joint_rotation_errors_deg(predicted[:, _SPINE], true[:, _SPINE]).mean()
-    values = (mpjae_deg(predicted, true), float(spine))
-    return [
-        scored_row(result, video, metric, value, "no frame has both")
-        for metric, value in zip(ROTATION_METRICS, values, strict=True)
-    ]
+    pairs = [(mpjae_deg(predicted, true), "no frame has both"), (float(spine), "no frame has both")]
+    return _scored(result, video, ROTATION_METRICS, pairs)
 
 
 def segment_rows(
@@ -435,10 +423,8 @@ def stretch_rows(
         change.mean(),
         change.max(initial=0.0),
     )
-    return [
-        scored_row(result, video, metric, 100 * float(value), "no frame")
-        for metric, value in zip(STRETCH_METRICS, values, strict=True)
-    ]
+    pairs = ((100 * float(value), "no frame") for value in values)
+    return _scored(result, video, STRETCH_METRICS, pairs)
 
 
 def unscored_rows(result: str, video: str, notes: Mapping[str, str]) -> list[ScoreRow]:

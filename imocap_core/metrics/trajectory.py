@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
-from imocap_core.alignment import Alignment, rigid, similarity
+from imocap_core.alignment import rigid, similarity
 
 MM_PER_M = 1000.0
 
@@ -150,7 +150,7 @@ def rte_pct(predicted_m: Float[np.ndarray, "T 3"], true_m: Float[np.ndarray, "T 
     A performer who stays on the spot has a short path and so a large RTE. Invariant to a rigid
     motion of the prediction. NaN when the true root does not move.
     """
-    aligned = _applied(rigid(predicted_m, true_m), predicted_m)
+    aligned = rigid(predicted_m, true_m).apply(predicted_m)
     error = np.linalg.norm(aligned - true_m, axis=-1).mean() if len(true_m) else np.nan
     length = np.linalg.norm(np.diff(true_m, axis=0), axis=-1).sum()
     return float(100 * error / length) if length > 0 else float("nan")
@@ -212,13 +212,10 @@ def _segment_error_mm(predicted_m: np.ndarray, true_m: np.ndarray, aligned_on: i
     for start in range(0, len(true_m), SEGMENT):
         predicted, true = (x[start : start + SEGMENT] for x in (predicted_m, true_m))
         anchors = (x[:aligned_on].reshape(-1, 3) for x in (predicted, true))
-        aligned = _applied(similarity(*anchors), predicted.reshape(-1, 3)).reshape(true.shape)
+        points = predicted.reshape(-1, 3)
+        aligned = np.reshape(similarity(*anchors).apply(points), true.shape)
         errors.append(np.linalg.norm(aligned - true, axis=-1).ravel())
     return float(MM_PER_M * np.concatenate(errors).mean()) if errors else float("nan")
-
-
-def _applied(alignment: Alignment, points_m: np.ndarray) -> np.ndarray:
-    return np.asarray(alignment.apply(points_m))
 
 
 def camera_rotation_error_deg(

@@ -52,7 +52,8 @@ def vertex_distances_mm(
     distances = np.empty(predicted_m.shape[:2])
     for t, (predicted, true) in enumerate(zip(predicted_m, true_m, strict=True)):
         about_root = predicted.T - predicted_root_m[t][:, None]
-        distances[t] = _distances_mm(about_root, true.T - true_root_m[t][:, None])
+        x, y, z = np.square(about_root - (true.T - true_root_m[t][:, None]))
+        distances[t] = MM_PER_M * np.sqrt(x + y + z)
     return distances
 
 
@@ -62,14 +63,6 @@ def pa_pve_mm(predicted_m: Float[np.ndarray, "T V 3"], true_m: Float[np.ndarray,
     frames = zip(predicted_m, true_m, strict=True)
     errors = [pa_mpjpe_mm(predicted[None], true[None]) for predicted, true in frames]
     return float(np.mean(errors)) if errors else float("nan")
-
-
-def _distances_mm(
-    predicted_m: Float[np.ndarray, "3 V"], true_m: Float[np.ndarray, "3 V"]
-) -> Float[np.ndarray, " V"]:
-    """Distance of every vertex to its truth; coordinates in rows."""
-    x, y, z = np.square(predicted_m - true_m)
-    return np.asarray(MM_PER_M * np.sqrt(x + y + z))
 
 
 SEGMENTS = ("pelvis", "spine3", "head", "neck", "left_collar", "right_collar")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -56,124 +57,32 @@ def remove_items(data: Any, field: str, unwanted: Callable[[Any], bool]) -> None
         del data[field]
 
 
-def listed(data: Any, item: Any) -> Any:
-    """A list of one item for a field of `data`, an item a line."""
-    return CommentedSeq([item]) if isinstance(data, CommentedMap) else [item]
+def append(data: Any, field: str, item: Any) -> None:
+    """Add an item to a list, an item a line; the field may be new."""
+    if data.get(field):
+        data[field].append(item)
+    else:
+        data[field] = CommentedSeq([item]) if isinstance(data, CommentedMap) else [item]
 
 
-FrameNumber = Annotated[int, Field(ge=0, le=LAST_FRAME, strict=True)]
+def item_of(data: Any, field: str, number: int, what: str) -> Any:
+    """Item `number` of a list, from 0. ValueError when there is none."""
+    items = data.get(field) or []
+    if number >= len(items):
+        raise ValueError(f"there is no {what} {number + 1} in action.yaml")
+    return items[number]
 
 
-class _Edit(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+Counts = Mapping[str, int]
+"""Frames of each video's file, where they are counted."""
 
 
-class PersonEdit(_Edit):
-    """Who performs in a video; None: the program decides."""
-
-    kind: Literal["person"]
-    video: Id
-    person: Person | None
-
-
-class FramesEdit(_Edit):
-    """The used frames, first and one past the last; None: all."""
-
-    kind: Literal["frames"]
-    video: Id
-    frames: tuple[FrameNumber, FrameNumber] | None
-
-
-class MirroredEdit(_Edit):
-    """Whether a video is a mirror image; None: the program decides."""
-
-    kind: Literal["mirrored"]
-    video: Id
-    mirrored: bool | None
-
-
-class DetectEdit(_Edit):
-    """People are to be detected in a video that has no keypoints."""
-
-    kind: Literal["detect"]
-    video: Id
-
-
-class DropEdit(_Edit):
-    """A video leaves the action, with its anchors and forbidden spans."""
-
-    kind: Literal["drop"]
-    video: Id
-
-
-class SplitEdit(_Edit):
-    """A video becomes several of one file; `starts`: the frames with which new ones begin."""
-
-    kind: Literal["split"]
-    video: Id
-    starts: Annotated[list[FrameNumber], Field(min_length=1, max_length=500)]
-
-
-class AddAnchorEdit(_Edit):
-    """Frames of at least two videos that show the same moment."""
-
-    kind: Literal["add_anchor"]
-    frames: Annotated[dict[Id, FrameNumber], Field(min_length=2)]
-    hard: bool = False
-
-
-class AnchorEdit(_Edit):
-    """Anchor `number`, from 0, becomes hard or not; None: it is removed."""
-
-    kind: Literal["anchor"]
-    number: Annotated[int, Field(ge=0)]
-    hard: bool | None
-
-
-class PerformersEdit(_Edit):
-    """Who performs in every video, by name; None: one person in all of them."""
-
-    kind: Literal["performers"]
-    performers: Annotated[dict[Id, Id], Field(min_length=1)] | None
-
-
-class EventEdit(_Edit):
-    """Whether all videos film one and the same performance."""
-
-    kind: Literal["event"]
-    event: bool
-
-
-class AddForbiddenEdit(_Edit):
-    """Frames of a video, first and one past the last, that match nothing."""
-
-    kind: Literal["add_forbidden"]
-    video: Id
-    frames: tuple[FrameNumber, FrameNumber]
-
-
-class ForbiddenEdit(_Edit):
-    """Forbidden span `number`, from 0, is removed."""
-
-    kind: Literal["forbidden"]
-    number: Annotated[int, Field(ge=0)]
-
-
-Edit = Annotated[
-    PersonEdit
-    | FramesEdit
-    | MirroredEdit
-    | DetectEdit
-    | DropEdit
-    | SplitEdit
-    | AddAnchorEdit
-    | AnchorEdit
-    | PerformersEdit
-    | EventEdit
-    | AddForbiddenEdit
-    | ForbiddenEdit,
-    Field(discriminator="kind"),
-]
+def person_fields(person: Person) -> dict[str, Any]:
+    """As a person's declaration is written: whole pixels without a decimal point."""
+    fields = person.model_dump(mode="json", by_alias=True, exclude_none=True)
+    for name in fields.keys() & {"at", "box"}:
+        fields[name] = [int(v) if v == int(v) else v for v in fields[name]]
+    return fields
 
 
 def split_video(data: Any, video: str, starts: Sequence[int], count: int | None) -> None:
@@ -193,7 +102,9 @@ def split_video(data: Any, video: str, starts: Sequence[int], count: int | None)
     place = data["videos"].index(entry) + 1
     for name, span in list(parts.items())[1:]:
         part = _plain(entry) | {"id": name, "frames": list(span)}
-        _leave_person(part, span)
+        person = part.get("person")  # of other frames, or by a number, which a part may not have
+        if person is not None and (person.get("track") or not _person_is_in(part, span)):
+            del part["person"]
         data["videos"].insert(place, _as_written(entry, part))
         place += 1
     put(entry, "frames", list(parts[video]))
@@ -236,13 +147,6 @@ def _person_is_in(entry: Any, span: tuple[int, int]) -> bool:
     return person is None or person.get("frame") is None or span[0] <= person["frame"] < span[1]
 
 
-def _leave_person(part: dict[str, Any], span: tuple[int, int]) -> None:
-    """Without the performer of other frames, or by a number, which another part may not have."""
-    person = part.get("person")
-    if person is not None and (person.get("track") or not _person_is_in(part, span)):
-        del part["person"]
-
-
 def _move_anchor(anchor: Any, video: str, parts: Mapping[str, tuple[int, int]]) -> None:
     """To the part of a video that its frame is in."""
     frame = anchor.get(video)
@@ -263,8 +167,192 @@ def _split_forbidden(data: Any, video: str, parts: Mapping[str, tuple[int, int]]
         spans.remove(span)
 
 
-Counts = Mapping[str, int]
-"""Frames of each video's file, where they are counted."""
+FrameNumber = Annotated[int, Field(ge=0, le=LAST_FRAME, strict=True)]
+
+
+class _Edit(BaseModel, ABC):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @abstractmethod
+    def apply(self, data: Any, counts: Counts) -> None:
+        """Change the content of an action.yaml. ValueError when the edit does not fit it."""
+
+
+class PersonEdit(_Edit):
+    """Who performs in a video; None: the program decides."""
+
+    kind: Literal["person"]
+    video: Id
+    person: Person | None
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        put(video_entry(data, self.video), "person", self.person and person_fields(self.person))
+
+
+class FramesEdit(_Edit):
+    """The used frames, first and one past the last; None: all."""
+
+    kind: Literal["frames"]
+    video: Id
+    frames: tuple[FrameNumber, FrameNumber] | None
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        entry, frames, count = video_entry(data, self.video), self.frames, counts.get(self.video)
+        if frames is not None and count is not None and frames[1] > count:
+            raise ValueError(
+                f"{self.video}: expected frames within [0, {count}], as the video has {count}, got "
+                f"{list(frames)}"
+            )
+        whole = frames is None or (count is not None and frames == (0, count))
+        put(entry, "frames", None if whole else frames and list(frames))
+
+
+class MirroredEdit(_Edit):
+    """Whether a video is a mirror image; None: the program decides."""
+
+    kind: Literal["mirrored"]
+    video: Id
+    mirrored: bool | None
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        put(video_entry(data, self.video), "mirrored", self.mirrored)
+
+
+class DetectEdit(_Edit):
+    """People are to be detected in a video that has no keypoints."""
+
+    kind: Literal["detect"]
+    video: Id
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        entry = video_entry(data, self.video)
+        if entry.get("keypoints") is not None:
+            raise ValueError(f"{self.video} has keypoints already: {entry['keypoints']}")
+        put(entry, "keypoints", DETECT)
+
+
+class DropEdit(_Edit):
+    """A video leaves the action, with its anchors and forbidden spans."""
+
+    kind: Literal["drop"]
+    video: Id
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        if len(data["videos"]) == 1:
+            raise ValueError(f"{self.video} is the only video; an action has at least one")
+        data["videos"].remove(video_entry(data, self.video))
+        for anchor in data.get("anchors") or []:
+            anchor.pop(self.video, None)
+        remove_items(data, "anchors", lambda anchor: len(anchor.keys() - {"hard"}) < 2)
+        remove_items(data, "forbidden", lambda span: span["video"] == self.video)
+
+
+class SplitEdit(_Edit):
+    """A video becomes several of one file; `starts`: the frames with which new ones begin."""
+
+    kind: Literal["split"]
+    video: Id
+    starts: Annotated[list[FrameNumber], Field(min_length=1, max_length=500)]
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        split_video(data, self.video, self.starts, counts.get(self.video))
+
+
+class AddAnchorEdit(_Edit):
+    """Frames of at least two videos that show the same moment."""
+
+    kind: Literal["add_anchor"]
+    frames: Annotated[dict[Id, FrameNumber], Field(min_length=2)]
+    hard: bool = False
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        append(data, "anchors", flow({**self.frames, "hard": True} if self.hard else self.frames))
+
+
+class AnchorEdit(_Edit):
+    """Anchor `number`, from 0, becomes hard or not; None: it is removed."""
+
+    kind: Literal["anchor"]
+    number: Annotated[int, Field(ge=0)]
+    hard: bool | None
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        chosen = item_of(data, "anchors", self.number, "anchor")
+        if self.hard is None:
+            remove_items(data, "anchors", lambda anchor: anchor is chosen)
+        elif self.hard:
+            chosen["hard"] = True
+        else:
+            chosen.pop("hard", None)
+
+
+class PerformersEdit(_Edit):
+    """Who performs in every video, by name; None: one person in all of them."""
+
+    kind: Literal["performers"]
+    performers: Annotated[dict[Id, Id], Field(min_length=1)] | None
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        if self.performers is None:
+            for entry in data["videos"]:
+                put(entry, "performer", None)
+            return
+        nameless = [e["id"] for e in data["videos"] if e["id"] not in self.performers]
+        if nameless:
+            names = ", ".join(nameless)
+            raise ValueError(f"expected a performer of every video, got none of {names}")
+        for video, performer in self.performers.items():
+            put(video_entry(data, video), "performer", performer)
+
+
+class EventEdit(_Edit):
+    """Whether all videos film one and the same performance."""
+
+    kind: Literal["event"]
+    event: bool
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        put(data, "event", self.event if self.event or "event" in data else None)
+
+
+class AddForbiddenEdit(_Edit):
+    """Frames of a video, first and one past the last, that match nothing."""
+
+    kind: Literal["add_forbidden"]
+    video: Id
+    frames: tuple[FrameNumber, FrameNumber]
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        video_entry(data, self.video)
+        append(data, "forbidden", flow({"video": self.video, "frames": list(self.frames)}))
+
+
+class ForbiddenEdit(_Edit):
+    """Forbidden span `number`, from 0, is removed."""
+
+    kind: Literal["forbidden"]
+    number: Annotated[int, Field(ge=0)]
+
+    def apply(self, data: Any, counts: Counts) -> None:
+        chosen = item_of(data, "forbidden", self.number, "forbidden span")
+        remove_items(data, "forbidden", lambda span: span is chosen)
+
+
+Edit = Annotated[
+    PersonEdit
+    | FramesEdit
+    | MirroredEdit
+    | DetectEdit
+    | DropEdit
+    | SplitEdit
+    | AddAnchorEdit
+    | AnchorEdit
+    | PerformersEdit
+    | EventEdit
+    | AddForbiddenEdit
+    | ForbiddenEdit,
+    Field(discriminator="kind"),
+]
 
 
 def apply_edits(data: Any, edits: Sequence[Edit], counts: Counts) -> None:
@@ -273,123 +361,4 @@ def apply_edits(data: Any, edits: Sequence[Edit], counts: Counts) -> None:
     ValueError with a sentence when an edit does not fit it.
     """
     for edit in edits:
-        match edit:
-            case PersonEdit():
-                person = edit.person and person_fields(edit.person)
-                put(video_entry(data, edit.video), "person", person)
-            case FramesEdit():
-                _put_frames(video_entry(data, edit.video), edit.frames, counts.get(edit.video))
-            case MirroredEdit():
-                put(video_entry(data, edit.video), "mirrored", edit.mirrored)
-            case DetectEdit():
-                _put_detect(video_entry(data, edit.video))
-            case DropEdit():
-                _drop(data, edit.video)
-            case SplitEdit():
-                split_video(data, edit.video, edit.starts, counts.get(edit.video))
-            case _:
-                _apply_to_action(data, edit)
-
-
-def _apply_to_action(data: Any, edit: Edit) -> None:
-    """An edit of what belongs to several videos: performers, moments, one event."""
-    match edit:
-        case AddAnchorEdit():
-            _add_anchor(data, dict(edit.frames), edit.hard)
-        case AnchorEdit():
-            _change_anchor(data, edit.number, edit.hard)
-        case PerformersEdit():
-            _put_performers(data, edit.performers)
-        case EventEdit():
-            put(data, "event", edit.event if edit.event or "event" in data else None)
-        case AddForbiddenEdit():
-            _add_forbidden(data, edit.video, edit.frames)
-        case ForbiddenEdit():
-            _remove_forbidden(data, edit.number)
-
-
-def person_fields(person: Person) -> dict[str, Any]:
-    """As a person's declaration is written: whole pixels without a decimal point."""
-    fields = person.model_dump(mode="json", by_alias=True, exclude_none=True)
-    for name in fields.keys() & {"at", "box"}:
-        fields[name] = [int(v) if v == int(v) else v for v in fields[name]]
-    return fields
-
-
-def _put_frames(entry: Any, frames: tuple[int, int] | None, count: int | None) -> None:
-    if frames is not None and count is not None and frames[1] > count:
-        raise ValueError(
-            f"{entry['id']}: expected frames within [0, {count}], as the video has {count}, got "
-            f"{list(frames)}"
-        )
-    whole = frames is None or (count is not None and frames == (0, count))
-    put(entry, "frames", None if whole else frames and list(frames))
-
-
-def _put_detect(entry: Any) -> None:
-    if entry.get("keypoints") is not None:
-        raise ValueError(f"{entry['id']} has keypoints already: {entry['keypoints']}")
-    put(entry, "keypoints", DETECT)
-
-
-def _drop(data: Any, video: str) -> None:
-    if len(data["videos"]) == 1:
-        raise ValueError(f"{video} is the only video; an action has at least one")
-    data["videos"].remove(video_entry(data, video))
-    for anchor in data.get("anchors") or []:
-        anchor.pop(video, None)
-    remove_items(data, "anchors", lambda anchor: len(_frames_of(anchor)) < 2)
-    remove_items(data, "forbidden", lambda span: span["video"] == video)
-
-
-def _frames_of(anchor: Any) -> dict[str, int]:
-    return {video: frame for video, frame in anchor.items() if video != "hard"}
-
-
-def _add_anchor(data: Any, frames: dict[str, int], hard: bool) -> None:
-    _append(data, "anchors", flow({**frames, "hard": True} if hard else frames))
-
-
-def _append(data: Any, field: str, item: Any) -> None:
-    if data.get(field):
-        data[field].append(item)
-    else:
-        data[field] = listed(data, item)
-
-
-def _change_anchor(data: Any, number: int, hard: bool | None) -> None:
-    anchors = data.get("anchors") or []
-    if number >= len(anchors):
-        raise ValueError(f"there is no anchor {number + 1} in action.yaml")
-    chosen = anchors[number]
-    if hard is None:
-        remove_items(data, "anchors", lambda anchor: anchor is chosen)
-    elif hard:
-        chosen["hard"] = True
-    else:
-        chosen.pop("hard", None)
-
-
-def _put_performers(data: Any, performers: Mapping[str, str] | None) -> None:
-    if performers is None:
-        for entry in data["videos"]:
-            put(entry, "performer", None)
-        return
-    nameless = [entry["id"] for entry in data["videos"] if entry["id"] not in performers]
-    if nameless:
-        raise ValueError(f"expected a performer of every video, got none of {', '.join(nameless)}")
-    for video, performer in performers.items():
-        put(video_entry(data, video), "performer", performer)
-
-
-def _add_forbidden(data: Any, video: str, frames: tuple[int, int]) -> None:
-    video_entry(data, video)
-    _append(data, "forbidden", flow({"video": video, "frames": list(frames)}))
-
-
-def _remove_forbidden(data: Any, number: int) -> None:
-    spans = data.get("forbidden") or []
-    if number >= len(spans):
-        raise ValueError(f"there is no forbidden span {number + 1} in action.yaml")
-    chosen = spans[number]
-    remove_items(data, "forbidden", lambda span: span is chosen)
+        edit.apply(data, counts)

@@ -25,7 +25,7 @@ from imocap_core.io.frame_access import FrameReader, FrameStamps, all_frames
 from imocap_core.io.video import probe
 from imocap_core.params import KeypointsParams
 from imocap_core.people.shot_boundaries import find_cuts
-from imocap_core.people.tracking import PersonTrack, box_of, size_of
+from imocap_core.people.tracking import box_of, size_of
 from imocap_core.pipeline.action import Action, Declaration
 
 END_S = 5.0
@@ -299,7 +299,7 @@ def outlines_of(video: TrackedVideo) -> dict[str, Any]:
             "outlines": [_whole(outline(pose, names)) for pose in track.poses[::step]],
         }
         for number, (score, track) in enumerate(video.ranked[:MOST_PEOPLE], start=1)
-        if number == 1 or _counts(score, best, track)
+        if number == 1 or (score > NEGLIGIBLE * best and len(track.frames) > 1)
     ]
     first, last = int(video.frames[0]), int(video.frames[-1])
     return {"frames": [first, last + 1], "step": step, "size": video.size, "people": people}
@@ -333,11 +333,6 @@ def _one_contour(mask: UInt8[np.ndarray, "H W"]) -> Any:
         a, b = np.unravel_index(distances.argmin(), distances.shape)
         ends = tuple(map(int, part[a, 0])), tuple(map(int, others[0, b]))
         cv2.line(mask, *ends, 255, max(2, round(LIMB * MASK_PX)))
-
-
-def _counts(score: float, best: float, track: PersonTrack) -> bool:
-    """Whether somebody is large and long enough in the picture to be chosen."""
-    return score > NEGLIGIBLE * best and len(track.frames) > 1
 
 
 def _paint(mask: UInt8[np.ndarray, "H W"], points: dict[str, tuple[int, int]]) -> None:

@@ -136,28 +136,24 @@ TYPES = {
 }
 
 
-class EditRequest(BaseModel):
-    """Edits of a revision of action.yaml, made together."""
+class EmptyRequest(BaseModel):
+    """Nothing but the wish."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class EditRequest(EmptyRequest):
+    """Edits of a revision of action.yaml, made together."""
 
     revision: str
     edits: list[Edit] = Field(min_length=1, max_length=50)
 
 
-class StepRequest(BaseModel):
+class StepRequest(EmptyRequest):
     """A step back or forward from a revision."""
-
-    model_config = ConfigDict(extra="forbid")
 
     revision: str
     step: Literal["undo", "redo"]
-
-
-class EmptyRequest(BaseModel):
-    """Nothing but the wish."""
-
-    model_config = ConfigDict(extra="forbid")
 
 
 def routes(session: Session, end: Callable[[], None]) -> Bottle:
@@ -174,10 +170,17 @@ def routes(session: Session, end: Callable[[], None]) -> Bottle:
         "GET",
         lambda file, kind, number: _picture(session, file, kind, number),
     )
-    app.route("/edit", "POST", lambda: _changed(session, lambda: _edit(session)))
-    app.route("/step", "POST", lambda: _changed(session, lambda: _step(session)))
-    app.route("/detect", "POST", lambda: _changed(session, lambda: _detect(session)))
-    app.route("/done", "POST", lambda: _changed(session, lambda: _end(end)))
+
+    def post(path: str, kind: type[Model], change: Callable[[Model], object]) -> None:
+        app.route(path, "POST", lambda: _changed(session, lambda: change(_body(kind))))
+
+    def step(asked: StepRequest) -> None:
+        (session.file.undo if asked.step == "undo" else session.file.redo)(asked.revision)
+
+    post("/edit", EditRequest, lambda e: session.file.edit(e.revision, e.edits, session.counts()))
+    post("/step", StepRequest, step)
+    post("/detect", EmptyRequest, lambda _: session.find_people())
+    post("/done", EmptyRequest, lambda _: end())
     app.default_error_handler = nothing_here
     return app
 
@@ -215,26 +218,6 @@ def _picture(session: Session, number: int, kind: str, frame: int) -> HTTPRespon
     return response(200, picture, "image/jpeg", "private, max-age=3600")
 
 
-def _edit(session: Session) -> None:
-    asked = _body(EditRequest)
-    session.file.edit(asked.revision, asked.edits, session.counts())
-
-
-def _step(session: Session) -> None:
-    asked = _body(StepRequest)
-    (session.file.undo if asked.step == "undo" else session.file.redo)(asked.revision)
-
-
-def _detect(session: Session) -> None:
-    _body(EmptyRequest)
-    session.find_people()
-
-
-def _end(end: Callable[[], None]) -> None:
-    _body(EmptyRequest)
-    end()
-
-
 def _body(model: type[Model]) -> Model:
     """The request's JSON. ValueError when it is none."""
     length = int(request.environ["CONTENT_LENGTH"])
@@ -247,7 +230,7 @@ def _body(model: type[Model]) -> Model:
     return model.model_validate_json(data)
 
 
-def _changed(session: Session, change: Callable[[], None]) -> HTTPResponse:
+def _changed(session: Session, change: Callable[[], object]) -> HTTPResponse:
     """The state after a change; 409 when another program was faster, 422 with a sentence."""
     try:
         change()

@@ -232,7 +232,8 @@ class Session:
 
     def counts(self) -> dict[str, int]:
         """Frames of each video's file, where they are counted."""
-        counts = {v.id: self._count(v) for v in self._valid.videos}
+        paths = {v.id: path for v in self._valid.videos if (path := self._path(v)) is not None}
+        counts = {video: self.media.count(path) for video, path in paths.items()}
         return {video: count for video, count in counts.items() if count is not None}
 
     def find_people(self) -> None:
@@ -257,13 +258,13 @@ class Session:
         counts = self.counts()
         if version is not None and fault is None:
             self._look_again(version, counts)
-        plan = self._plan
+        file, root, plan = self.file.file.resolve(), self.root.resolve(), self._plan
         if version is None or plan is None or plan.revision != version.revision:
             plan = None
         return {
             "action": action.name,
             "name": self.name,
-            "file": self._short_name(),
+            "file": str(file.relative_to(root) if file.is_relative_to(root) else file),
             "command": self._command(),
             "revision": None if version is None else version.revision,
             "fault": fault,
@@ -286,10 +287,6 @@ class Session:
     def _path(self, video: Declaration) -> Path | None:
         return None if video.video is None else (self.file.folder / video.video).resolve()
 
-    def _count(self, video: Declaration) -> int | None:
-        path = self._path(video)
-        return None if path is None else self.media.count(path)
-
     def _entry(self, video: Declaration) -> dict[str, Any]:
         path = self._path(video)
         fields = {"id", "frames", "mirrored", "performer", "fps", "size"}
@@ -300,11 +297,6 @@ class Session:
             "no_keypoints": video.keypoints is None,
             "people": self.tracks.state(video.id),
         }
-
-    def _short_name(self) -> str:
-        """The path of action.yaml, below the working folder where it lies in it."""
-        file, root = self.file.file.resolve(), self.root.resolve()
-        return str(file.relative_to(root) if file.is_relative_to(root) else file)
 
     def _command(self) -> str:
         here = self.root.resolve() == Path.cwd().resolve()

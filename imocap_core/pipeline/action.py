@@ -284,16 +284,8 @@ def read_action(folder: Path) -> Action:
 def action_of(data: Any, folder: Path) -> Action:
     """The action that the content of folder/action.yaml declares. WorkFailed names every fault."""
     parsed = parse(_ActionFile, data, str(folder / FILE_NAME))
-    return Action(
-        folder=folder.resolve(),
-        name=parsed.name,
-        videos=tuple(parsed.videos),
-        truth=parsed.truth,
-        params=parsed.params,
-        anchors=tuple(parsed.anchors),
-        forbidden=tuple(parsed.forbidden),
-        event=parsed.event,
-    )
+    given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in parsed}
+    return Action(folder=folder.resolve(), **given)
 
 
 def parse(model: type[Model], data: Any, file: str) -> Model:
@@ -358,7 +350,12 @@ def placed(videos: Sequence[Declaration]) -> tuple[Declaration, ...]:
     A file from outside goes to the folder of its kind, under its name; where that place is taken by
     another one, the video's id comes before it.
     """
-    given = [(v, key, path) for v in videos for key in FOLDERS if (path := _path(v, key))]
+    given = [
+        (v, key, path)
+        for v in videos
+        for key in FOLDERS
+        if (path := getattr(v, key)) not in (None, DETECT)
+    ]
     taken = {_same(path): path for _, _, path in given if not leads_outside(path)}
     moved: dict[str, dict[str, str]] = {}
     for video, key, path in given:
@@ -370,11 +367,6 @@ def placed(videos: Sequence[Declaration]) -> tuple[Declaration, ...]:
                 place = f"{FOLDERS[key]}/{name}"
             moved.setdefault(video.id, {})[key] = place
     return tuple(video.model_copy(update=moved.get(video.id, {})) for video in videos)
-
-
-def _path(video: Declaration, key: str) -> str | None:
-    path: str | None = getattr(video, key)
-    return None if path == DETECT else path
 
 
 def _same(path: str) -> str:

@@ -26,7 +26,7 @@ def ensure(name: str, folder: Path, seed: int, display: Display) -> None:
     file since, is a user's action and is left alone.
     """
     sweep_drafts(folder)
-    key = _key(name, seed)
+    key = hashlib.sha256(json.dumps([closure(SCRIPT), name, seed]).encode()).hexdigest()
     reason = _reason(folder, key)
     if reason is None:
         return
@@ -41,18 +41,12 @@ def ensure(name: str, folder: Path, seed: int, display: Display) -> None:
     def show(message: str) -> None:
         display.progress(0.0, message)
 
-    make_demo(name, folder, seed, show, lambda draft: _record_made(draft, key))
+    def record(draft: Path) -> None:
+        files = {name: content_digest(draft / name) for name in _files(draft)}
+        write_whole(draft / RECORD, json.dumps({"key": key, "files": files}, indent=1) + "\n")
+
+    make_demo(name, folder, seed, show, record)
     display.made_demo(name, folder)
-
-
-def _record_made(draft: Path, key: str) -> None:
-    files = {name: content_digest(draft / name) for name in _files(draft)}
-    write_whole(draft / RECORD, json.dumps({"key": key, "files": files}, indent=1) + "\n")
-
-
-def _key(name: str, seed: int) -> str:
-    parts = json.dumps([closure(SCRIPT), name, seed])
-    return hashlib.sha256(parts.encode()).hexdigest()
 
 
 def _reason(folder: Path, key: str) -> str | None:

@@ -23,7 +23,6 @@ from imocap_core.files import write_whole
 from imocap_core.pipeline.graph import SCORING_STAGE
 from imocap_core.pipeline.keys import recipe, value_differences
 from imocap_core.pipeline.runner import Job, Outcome
-from imocap_core.pipeline.stage import Recipe
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas import Table
@@ -60,7 +59,10 @@ def generation(job: Job, sets: list[str], *, scored: bool = False) -> dict[str, 
         if current is None and not sets:
             continue
         provenance = {} if current is None else current.content.provenance
-        needed = _recipe_now(job, stage, done, provenance)
+        spec, settings = job.pipeline.stages[stage], job.settings
+        inputs = {name: done[name].digest for name in spec.inputs if name in done}
+        reads = json.loads(provenance.get("reads", "{}"))  # a file that is gone is unchanged
+        needed = recipe(job.pipeline, stage, job.action, settings, inputs, reads)
         if current is None:
             why = ["never run"]
         elif "inputs" not in provenance:
@@ -95,16 +97,6 @@ def _current(job: Job, stage: str) -> Stored | None:
         raise WorkFailed(
             f"{stage} of {job.action.name}: {reason}; run it with: {run_command(job, [])}"
         ) from None
-
-
-def _recipe_now(
-    job: Job, stage: str, done: Mapping[str, Stored], provenance: Mapping[str, str]
-) -> Recipe:
-    """What a stage would be made from now; a file that is gone counts as unchanged."""
-    spec = job.pipeline.stages[stage]
-    inputs = {name: done[name].digest for name in spec.inputs if name in done}
-    reads = json.loads(provenance.get("reads", "{}"))
-    return recipe(job.pipeline, stage, job.action, job.settings, inputs, reads)
 
 
 def _refusal(job: Job, stale: list[Stale], sets: list[str]) -> str:
@@ -153,7 +145,7 @@ def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:
     made = {o.stage: (o.stored.digest, round(o.seconds, 3)) for o in outcomes if o.how == "made"}
     if not made:
         return
-    file = _file(store, action)
+    file = store.folder / action / FILE
     noted = _read(file)
     for stage, (digest, seconds) in made.items():
         noted[stage] = {**noted.get(stage, {}), digest: seconds}
@@ -162,7 +154,7 @@ def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:
 
 def seconds_of(store: Store, action: str, digests: Mapping[str, str]) -> dict[str, float | None]:
     """Stage -> seconds that the result of this digest took; None where not recorded."""
-    noted = _read(_file(store, action))
+    noted = _read(store.folder / action / FILE)
     return {stage: noted.get(stage, {}).get(digest) for stage, digest in digests.items()}
 
 
@@ -185,10 +177,6 @@ def timing_table(seconds: Mapping[str, float | None], frames: int) -> Table:
         note=f"{frames} frames in all videos. Wall clock on the machine that made the result, "
         "under whatever other load; – where not recorded.",
     )
-
-
-def _file(store: Store, action: str) -> Path:
-    return store.folder / action / FILE
 
 
 def _read(file: Path) -> dict[str, dict[str, float]]:

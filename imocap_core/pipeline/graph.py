@@ -218,7 +218,8 @@ VARIABLE = "IMOCAP_ALLOW_SCRIPTS"
 
 def foreign_scripts(pipeline: Pipeline) -> list[Path]:
     """Scripts of a pipeline that are no part of this program and that nobody has allowed."""
-    if _folder(pipeline) in _allowed():
+    allowed = os.environ.get(VARIABLE, "").split(os.pathsep)
+    if pipeline.file.parent.resolve() in {Path(place).resolve() for place in allowed if place}:
         return []
     scripts = (pipeline.script(stage) for stage in pipeline.stages)
     return [script for script in scripts if not module_name(script)]
@@ -238,14 +239,5 @@ def must_be_allowed(pipeline: Pipeline, stage: str) -> None:
         raise WorkFailed(
             f"{pipeline.file}: stages.{stage}.script: {script} is no part of imocap, and would run "
             f"with your rights. Read it; if you trust it, add --allow-scripts, or set "
-            f"{VARIABLE}={_folder(pipeline)}"
+            f"{VARIABLE}={pipeline.file.parent.resolve()}"
         )
-
-
-def _folder(pipeline: Pipeline) -> Path:
-    return pipeline.file.parent.resolve()
-
-
-def _allowed() -> set[Path]:
-    places = os.environ.get(VARIABLE, "").split(os.pathsep)
-    return {Path(place).resolve() for place in places if place}

@@ -41,30 +41,24 @@ def recipe(
     """
     spec = pipeline.stages[stage]
     code = closure(pipeline.script(stage))
+    for library in sorted({name for module, name in OPTIONAL.items() if module in code}):
+        try:  # it may be installed later
+            code[f"library {library}"] = version(library)
+        except PackageNotFoundError:
+            code[f"library {library}"] = "is not installed"
+    reads = {}
+    for kind in spec.reads:
+        for name, value in _reads(kind, action):
+            gone = isinstance(value, Path) and name in absent and not value.exists()
+            given = absent[name] if gone else value
+            reads[name] = content_digest(given) if isinstance(given, Path) else given
     return Recipe(
-        code={**code, **_optional_libraries(code)},
+        code=code,
         params=settings.of(spec.params),
         seed=settings.seed,
         inputs=dict(inputs),
-        reads={
-            name: value if isinstance(value, str) else _digest_of(value, absent.get(name))
-            for kind in spec.reads
-            for name, value in _reads(kind, action)
-        },
+        reads=reads,
     )
-
-
-def _optional_libraries(code: Mapping[str, str]) -> dict[str, str]:
-    """Versions of the optional libraries that some modules use, which may be installed later."""
-    used = {library for module, library in OPTIONAL.items() if module in code}
-    return {f"library {library}": _version(library) for library in sorted(used)}
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return "is not installed"
 
 
 def read_files(pipeline: Pipeline, stage: str, action: Action) -> dict[str, Path]:
@@ -100,7 +94,9 @@ def value_differences(before: Mapping[str, str], now: Recipe) -> list[str]:
 
 def _changed_leaves(title: str, former: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     changed = [n for n in sorted({*former, *now}) if former.get(n) != now.get(n)]
-    return [f"{title}: {name} {_change(name, former, now)}" for name in changed]
+    how = {n: "has changed" if n in former and n in now else "is gone" for n in changed}
+    how |= dict.fromkeys([n for n in changed if n not in former], "is new")
+    return [f"{title}: {name} {how[name]}" for name in changed]
 
 
 def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
@@ -137,15 +133,5 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
             yield f"{kind} {video.id}", action.folder / path
 
 
-def _digest_of(file: Path, absent: str | None) -> str:
-    return content_digest(file) if absent is None or file.exists() else absent
-
-
 def _flat(groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {f"{group}.{name}": v for group, values in groups.items() for name, v in values.items()}
-
-
-def _change(name: str, former: Mapping[str, str], present: Mapping[str, str]) -> str:
-    if name not in former:
-        return "is new"
-    return "has changed" if name in present else "is gone"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored, sweep
@@ -34,9 +34,6 @@ from imocap_core.process import (
     release_freed_memory,
     restart_peak,
 )
-
-if TYPE_CHECKING:
-    pass
 
 
 @runtime_checkable

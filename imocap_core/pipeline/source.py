@@ -27,6 +27,7 @@ from typing import TypedDict
 
 from imocap_core.artifacts.file_memory import files_below, remembered
 from imocap_core.errors import WorkFailed
+from imocap_core.files import sha256_of
 
 
 def content_digest(path: Path) -> str:
@@ -44,8 +45,7 @@ def content_digest(path: Path) -> str:
 
 def _digest(path: Path) -> str:
     if not path.is_dir():
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return sha256_of(path)
     sha = hashlib.sha256()
     for relative in files_below(path):
         sha.update(relative.encode() + b"\0")
@@ -77,11 +77,8 @@ def _states(path: Path) -> States:
     if not path.exists():
         return []
     names = files_below(path) if path.is_dir() else [""]
-    return [_state(name, os.stat(path / name if name else path)) for name in names]
-
-
-def _state(name: str, now: os.stat_result) -> tuple[str, int, int, int, int]:
-    return name, now.st_size, now.st_ino, now.st_mtime_ns, now.st_ctime_ns
+    of = [(name, os.stat(path / name if name else path)) for name in names]
+    return [(n, s.st_size, s.st_ino, s.st_mtime_ns, s.st_ctime_ns) for n, s in of]
 
 
 WITH_DOCSTRING = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
@@ -135,8 +132,8 @@ def _written(tree: ast.Module) -> tuple[str, list[ast.Import | ast.ImportFrom]]:
             kind = type(value)
             if kind is ast.Import or kind is ast.ImportFrom:
                 imports.append(value)  # type: ignore[arg-type]  # of these kinds
-            elif kind in WITH_DOCSTRING:
-                value.body = _without_docstring(value.body)  # type: ignore[attr-defined]
+            elif kind in WITH_DOCSTRING and ast.get_docstring(value, clean=False) is not None:  # type: ignore[arg-type]
+                value.body = value.body[1:]  # type: ignore[attr-defined]
             out.append(kind.__name__)
             for name in kind._fields:
                 if name != "ctx":  # whether it is read or set: its place in the tree says that
@@ -161,7 +158,7 @@ def _exports(tree: ast.Module, module: str) -> dict[str, tuple[str, str]] | None
         if isinstance(node, ast.ImportFrom):
             base = _absolute(node, module, is_package=True)
             names.update({a.asname or a.name: (base, a.name) for a in node.names})
-        elif not _is_all(node):
+        elif not isinstance(node, ast.Assign) or ast.unparse(node.targets[0]) != "__all__":
             return None
     return names
 
@@ -174,23 +171,6 @@ def _absolute(node: ast.ImportFrom, module: str, is_package: bool) -> str:
     package = parts if is_package else parts[:-1]
     package = package[: len(package) - node.level + 1]
     return ".".join([*package, *([node.module] if node.module else [])])
-
-
-def _is_all(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Assign) and [
-        t.id for t in node.targets if isinstance(t, ast.Name)
-    ] == ["__all__"]
-
-
-def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
-    first = body[0] if body else None
-    if (
-        isinstance(first, ast.Expr)
-        and isinstance(first.value, ast.Constant)
-        and isinstance(first.value.value, str)
-    ):
-        return body[1:]
-    return body
 
 
 PROJECT = Path(__file__).resolve().parents[2]

@@ -66,20 +66,15 @@ def _size(node: Node, sizes: dict[int, int], above: frozenset[int]) -> int:
         raise ValueError(f"line {node.start_mark.line + 1}: an alias contains itself")
     if id(node) not in sizes:
         inside = above | {id(node)}
-        sizes[id(node)] = 1 + sum(_size(part, sizes, inside) for part in _parts(node))
+        parts = node.value if isinstance(node.value, list) else []
+        flat = [p for part in parts for p in (part if isinstance(part, tuple) else (part,))]
+        sizes[id(node)] = 1 + sum(_size(part, sizes, inside) for part in flat)
         if sizes[id(node)] > MAX_YAML_NODES:
             raise ValueError(
                 f"line {node.start_mark.line + 1}: expected at most {MAX_YAML_NODES:,} values, "
                 f"its aliases stand for more"
             )
     return sizes[id(node)]
-
-
-def _parts(node: Node) -> list[Node]:
-    """The items of a sequence, the keys and values of a mapping."""
-    if not isinstance(node.value, list):
-        return []
-    return [p for item in node.value for p in (item if isinstance(item, tuple) else (item,))]
 
 
 Change = Callable[[Any], None]

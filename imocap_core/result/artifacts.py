@@ -94,7 +94,8 @@ class Artifacts:
                 continue
             pairs = ((stage, stored, other, present), (other, present, stage, stored))
             for made, result, given, source in pairs:
-                if _inputs(result).get(given, source.digest) != source.digest:
+                inputs = json.loads(result.content.provenance.get("inputs", "{}"))
+                if inputs.get(given, source.digest) != source.digest:
                     raise WorkFailed(
                         f"{self.action}: {made} was made from another {given} than the one beside "
                         f"it, so they are of different runs; {self.advice}"
@@ -116,11 +117,6 @@ def artifacts_of_stages(
 ) -> Artifacts:
     """The artifacts of the stages of one run, by stage."""
     return Artifacts(action, stored.get, advice or f"run it with: imocap run {action}")
-
-
-def _inputs(stored: Stored) -> dict[str, str]:
-    """Stage -> content digest of what a result was made from; empty where it does not say."""
-    return json.loads(stored.content.provenance.get("inputs", "{}"))
 
 
 RECIPE = ("seed", "params")

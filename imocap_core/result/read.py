@@ -37,7 +37,6 @@ from imocap_core.result.result import ActionResult
 from imocap_core.result.video import (
     HandMotion,
     JointUncertainty,
-    Synchronisation,
     VideoCamera,
     VideoResult,
     synchronisation_of,
@@ -81,30 +80,36 @@ def read_result(
     refined = artifacts.get(RefineSync) if stage == "refine_sync" else None
     files = _files(keypoints, folder)
     lenses = {} if camera_motion is None else lenses_of(camera_motion, refined)
-    videos = [
-        replace(
-            _video(
-                v,
-                detections[v.id],
-                replace(
-                    _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
-                    lens=lenses.get(v.id),
-                ),
-                sync,
-                artifacts.action,
-                f"{motion.model} {motion.model_digest}",
-            ),
+    placed = []
+    for v in motion.videos:
+        video = VideoResult(
+            id=v.id,
+            action=artifacts.action,
+            keypoints=detections[v.id],
             video=files.get(v.id),
+            camera=replace(
+                _camera(cameras[v.id], turned.get(v.id), detections[v.id]), lens=lenses.get(v.id)
+            ),
+            fps=detections[v.id].fps,
+            frames=detections[v.id].source_frames,
+            inside=np.ones(len(v.frames), dtype=bool),
+            phase_s=sync[v.id].phase_s,
+            confidence=sync[v.id].confidence,
+            theta=v.theta,
+            betas=v.betas,
+            trans=v.trans,
+            body_joints=v.joints,
             hands=_hands(fingers.get(v.id)),
+            reprojection_px=v.reprojection_px,
             joint_uncertainty=_uncertainty(sigmas.get(v.id)),
+            sync=sync,
+            model=f"{motion.model} {motion.model_digest}",
         )
-        for v in motion.videos
-    ]
-    placed = tuple(_in_world(video) for video in videos)
+        placed.append(_in_world(video))
     plane = motion.ground
     return kind(
         action=artifacts.action,
-        videos=placed,
+        videos=tuple(placed),
         ground=ground_under(placed, sync.excluded) if plane is None else ground_of(plane),
         reference=motion.reference,
         sync=sync,
@@ -142,38 +147,6 @@ def _check_frames(
             f"{artifacts.action}: its artifacts are of different frames ({stage} of "
             f"{', '.join(wrong)}); {artifacts.advice}"
         )
-
-
-def _video(
-    motion: VideoMotion,
-    detections: VideoKeypoints,
-    camera: VideoCamera,
-    sync: Synchronisation,
-    action: str,
-    model: str,
-) -> VideoResult:
-    """One video's body, still in the axes of its first-frame camera."""
-    return VideoResult(
-        id=motion.id,
-        action=action,
-        keypoints=detections,
-        video=None,
-        camera=camera,
-        fps=detections.fps,
-        frames=detections.source_frames,
-        inside=np.ones(len(motion.frames), dtype=bool),
-        phase_s=sync[motion.id].phase_s,
-        confidence=sync[motion.id].confidence,
-        theta=motion.theta,
-        betas=motion.betas,
-        trans=motion.trans,
-        body_joints=motion.joints,
-        hands=None,
-        reprojection_px=motion.reprojection_px,
-        joint_uncertainty=None,
-        sync=sync,
-        model=model,
-    )
 
 
 def _files(keypoints: Keypoints, folder: Path | None) -> dict[str, Path]:

@@ -169,14 +169,7 @@ class VideoSync:
 class Synchronisation:
     """The correspondences of all videos.
 
-    Attributes:
-        videos: by id, in the order of the action; also `sync[id]`.
-        reference: id of the video whose time axis is used.
-        excluded: videos of another action, unmatched throughout.
-        mirrored: videos treated as their mirror image.
-        status: one sentence on the result; notes: what was noticed about single videos.
-        method: by which the maps were made consistent.
-        summary: the stored artifact.
+    videos: by id, in the order of the action; also `sync[id]`. summary: the stored artifact.
     """
 
     videos: Mapping[str, VideoSync]

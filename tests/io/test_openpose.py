@@ -39,7 +39,7 @@ def test_broken_files_are_all_named_at_once(tmp_path):
     write(tmp_path, 0, [body()])
     (tmp_path / "clip_1_keypoints.json").write_text('{"people": [')
     (tmp_path / "clip_2_keypoints.json").write_text('{"persons": []}')
-    (tmp_path / "clip_3_keypoints.json").write_text('{"people": [{"pose_keypoints_2d": ["a"]}]}')
+    (tmp_path / "clip_3_keypoints.json").write_text('{"people": [{"pose_keypoints_2d": [0.5]}]}')
     write(tmp_path, 4, [["x"] * 75])
     with pytest.raises(ValueError, match="is not JSON") as error:
         read_openpose(tmp_path, "body25")

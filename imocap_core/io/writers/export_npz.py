@@ -20,7 +20,6 @@ body, so `betas` are 0, the reader's mean shape, and ours are `imocap_betas`. Ma
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,6 +28,8 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
+
+from imocap_core.files import write_csv
 
 
 @dataclass(frozen=True)
@@ -84,23 +85,18 @@ class ExportedVideo:
 def write_video(folder: Path, video: ExportedVideo) -> Path:
     """Write folder/<id>.npz and return its path."""
     file = folder / f"{video.id}.npz"
-    more: dict[str, Any] = {}
-    if video.hands is not None:
-        more = {
-            "poses_smplh": video.hands.poses_smplh,
-            "hand_points": video.hands.points,
-            "hand_seen": video.hands.visible,
-        }
-    if video.inside is not None and video.phase_s is not None:
-        more |= {"inside": video.inside, "phase_s": video.phase_s}
-    if video.time_s is not None:
-        more["time_s"] = video.time_s
-    if video.joint_sd_mm is not None:
-        more["joint_sd_mm"] = video.joint_sd_mm
-    if video.per_frame is not None:
-        more |= video.per_frame.arrays()
-    if video.distortion is not None:
-        more["distortion"] = video.distortion
+    hands = video.hands
+    more: dict[str, Any] = {
+        "poses_smplh": None if hands is None else hands.poses_smplh,
+        "hand_points": None if hands is None else hands.points,
+        "hand_seen": None if hands is None else hands.visible,
+        "inside": video.inside,
+        "phase_s": video.phase_s,
+        "time_s": video.time_s,
+        "joint_sd_mm": video.joint_sd_mm,
+        **({} if video.per_frame is None else video.per_frame.arrays()),
+        "distortion": video.distortion,
+    }
     np.savez(
         file,
         poses=video.poses,
@@ -116,7 +112,7 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         t=video.t,
         model=np.array(video.model),
         up_axis=np.array(video.up_axis),
-        **more,
+        **{name: array for name, array in more.items() if array is not None},
     )
     return file
 
@@ -135,17 +131,17 @@ def write_cameras(folder: Path, videos: list[ExportedVideo], reference: str) -> 
                 "t": v.t.tolist(),
                 "size": list(v.size),
                 **({} if v.distortion is None else {"distortion": v.distortion.tolist()}),
-                **({} if v.per_frame is None else _listed(v.per_frame)),
+                **(
+                    {}
+                    if v.per_frame is None
+                    else {name: values.tolist() for name, values in v.per_frame.arrays().items()}
+                ),
             }
             for v in videos
         },
     }
     file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     return file
-
-
-def _listed(frames: CameraFrames) -> dict[str, Any]:
-    return {name: values.tolist() for name, values in frames.arrays().items()}
 
 
 def write_sync(
@@ -167,34 +163,19 @@ def write_sync(
     """
     file = folder / "sync.csv"
     positions = np.arange(len(frames[reference]), dtype=np.float64)
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(["video", "frame", "reference_frame", "confidence", "phase_s"])
-        for video, (index, confidence) in maps.items():
-            if video == reference:
-                continue
-            matched = np.interp(index, positions, frames[reference])
-            phase = np.full(len(index), np.nan) if phases is None else phases[video]
-            for row in zip(frames[video], matched, confidence, phase, strict=True):
-                frame, match, sure, phase_s = row
-                rows.writerow(
-                    [
-                        video,
-                        _frame(float(frame)),
-                        _number(match, 3),
-                        _number(sure, 3),
-                        _number(phase_s, 4),
-                    ]
-                )
+    rows = []
+    for video, (index, confidence) in maps.items():
+        if video == reference:
+            continue
+        matched = np.interp(index, positions, frames[reference])
+        phase = np.full(len(index), np.nan) if phases is None else phases[video]
+        for row in zip(frames[video], matched, confidence, phase, strict=True):
+            number = float(row[0])
+            frame = f"{number:.3f}".rstrip("0").rstrip(".") if number % 1 else f"{number:.0f}"
+            numbers = zip(row[1:], (3, 3, 4), strict=True)
+            rows.append([video, frame, *("" if np.isnan(x) else f"{x:.{d}f}" for x, d in numbers)])
+    write_csv(file, ["video", "frame", "reference_frame", "confidence", "phase_s"], rows)
     return file
-
-
-def _frame(number: float) -> str:
-    return f"{number:.3f}".rstrip("0").rstrip(".") if number % 1 else f"{number:.0f}"
-
-
-def _number(value: float, decimals: int) -> str:
-    return "" if np.isnan(value) else f"{value:.{decimals}f}"
 
 
 BODY, FACE, HANDS = 66, 9, 90  # numbers of 22 joints of the body, jaw and eyes, 2 x 15 fingers
@@ -208,7 +189,9 @@ BETAS_NOTE = (
 def write_amass(folder: Path, video: ExportedVideo) -> list[Path]:
     """Write folder/<id>_poses.npz (SMPL+H) and folder/<id>_stageii.npz (SMPL-X), the archive's
     kinds of names, and folder/<id>_smpl.npz; return their paths."""
-    smplh = smplh_poses(video)
+    smplh = np.concatenate([video.poses[:, :BODY], np.zeros((len(video.poses), HANDS))], axis=1)
+    if video.hands is not None:
+        smplh = video.hands.poses_smplh  # else the hands are flat
     body, hands = smplh[:, :BODY], smplh[:, BODY:]
     face = np.zeros((len(smplh), FACE))
     common = {
@@ -265,10 +248,3 @@ def _of_ours(video: ExportedVideo) -> dict[str, Any]:
     if video.inside is not None and video.phase_s is not None:
         ours |= {"inside": video.inside, "phase_s": video.phase_s}
     return ours
-
-
-def smplh_poses(video: ExportedVideo) -> Float[np.ndarray, "T 156"]:
-    """Axis-angle radians of SMPL+H's 52 joints; the hands are flat where the video has none."""
-    if video.hands is not None:
-        return video.hands.poses_smplh
-    return np.concatenate([video.poses[:, :BODY], np.zeros((len(video.poses), HANDS))], axis=1)

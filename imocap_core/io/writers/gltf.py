@@ -60,13 +60,9 @@ class ClipCamera:
 def skin_of(shaped: Shaped) -> Skin:
     """The surface of a shaped body, with the four largest weights of every vertex."""
     weights = shaped.model.weights.numpy()
+    weights = np.pad(weights, ((0, 0), (0, max(0, INFLUENCES - weights.shape[1]))))
     order = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
-    if order.shape[1] < INFLUENCES:
-        order = np.pad(order, ((0, 0), (0, INFLUENCES - order.shape[1])))
-        largest = np.take_along_axis(weights, order, axis=1)
-        largest[:, weights.shape[1] :] = 0.0
-    else:
-        largest = np.take_along_axis(weights, order, axis=1)
+    largest = np.take_along_axis(weights, order, axis=1)
     largest = largest / largest.sum(1, keepdims=True)
     return Skin(
         vertices=(shaped.vertices_rest - shaped.joints_rest[0]).numpy(),

@@ -36,10 +36,8 @@ def write_osim(
 ) -> None:
     """Write a model. markers: by name the segment that each is on, and its place in its axes."""
     document = Element("OpenSimDocument", Version=VERSION)
-    model = SubElement(document, "Model", name=name)
-    SubElement(model, "gravity").text = "0 -9.80665 0"
-    SubElement(model, "length_units").text = "meters"
-    SubElement(model, "force_units").text = "N"
+    units = {"gravity": "0 -9.80665 0", "length_units": "meters", "force_units": "N"}
+    model = _add(document, "Model", name, units)
     bodies, joints = _objects(model, "BodySet"), _objects(model, "JointSet")
     for link in links.values():
         _joints(bodies, joints, link)
@@ -58,23 +56,28 @@ def add_markers(parent: Element, markers: Mapping[str, Place]) -> None:
     """A set of markers, by name the body that each is on and its place in its axes."""
     objects = _objects(parent, "MarkerSet")
     for name, (segment, place) in markers.items():
-        marker = SubElement(objects, "Marker", name=name)
-        SubElement(marker, "socket_parent_frame").text = f"/bodyset/{segment}"
-        SubElement(marker, "location").text = _numbers(place)
-        SubElement(marker, "fixed").text = "true"
+        fields = {"socket_parent_frame": f"/bodyset/{segment}", "location": _numbers(place)}
+        _add(objects, "Marker", name, fields | {"fixed": "true"})
+
+
+def _add(parent: Element, kind: str, name: str = "", fields: Mapping[str, str] = {}) -> Element:
+    """Add an element, with a name where one is given, and its fields as elements with a text."""
+    element = SubElement(parent, kind, {"name": name} if name else {})
+    for field, text in fields.items():
+        SubElement(element, field).text = text
+    return element
 
 
 def _objects(parent: Element, kind: str) -> Element:
-    return SubElement(SubElement(parent, kind, name=kind.lower()), "objects")
+    return SubElement(_add(parent, kind, kind.lower()), "objects")
 
 
 def _body(bodies: Element, name: str, mass: SegmentMass) -> None:
-    body = SubElement(bodies, "Body", name=name)
-    shape = SubElement(SubElement(body, "components"), "PhysicalOffsetFrame", name="middle")
+    body = _add(bodies, "Body", name)
+    shape = _add(SubElement(body, "components"), "PhysicalOffsetFrame", "middle")
     geometry = SubElement(shape, "attached_geometry")
-    ellipsoid = SubElement(geometry, "Ellipsoid", name="shape")
-    SubElement(ellipsoid, "socket_frame").text = ".."
-    SubElement(SubElement(ellipsoid, "Appearance"), "color").text = COLOUR
+    ellipsoid = _add(geometry, "Ellipsoid", "shape", {"socket_frame": ".."})
+    _add(ellipsoid, "Appearance", "", {"color": COLOUR})
     SubElement(ellipsoid, "radii").text = _numbers(mass.radii_m)
     SubElement(shape, "socket_parent").text = ".."
     SubElement(shape, "translation").text = _numbers(mass.centre_m)
@@ -89,10 +92,9 @@ def _joints(bodies: Element, joints: Element, link: Link) -> None:
     axes = [(c.name, c.axis) for c in link.rotations]
     if len(axes) == 3 and abs(axes[0][1] @ axes[2][1]) > 0.99:
         between = f"{link.joint}_plane_and_elevation"
-        body = SubElement(bodies, "Body", name=between)
-        SubElement(body, "mass").text = str(SMALL_KG)
-        SubElement(body, "mass_center").text = "0 0 0"
-        SubElement(body, "inertia").text = _numbers(np.r_[[SMALL_KG_M2] * 3, np.zeros(3)])
+        inertia = _numbers(np.r_[[SMALL_KG_M2] * 3, np.zeros(3)])
+        fields = {"mass": str(SMALL_KG), "mass_center": "0 0 0", "inertia": inertia}
+        _add(bodies, "Body", between, fields)
         _joint(joints, between, (parent, link.place_m), between, axes[:2], link.translations)
         inner = (f"/bodyset/{between}", np.zeros(3))
         _joint(joints, link.joint, inner, link.segment, axes[2:], ())
@@ -109,27 +111,23 @@ def _joint(
     rotations: list[Place],
     translations: tuple[str, ...],
 ) -> None:
-    joint = SubElement(joints, "CustomJoint", name=name)
-    SubElement(joint, "socket_parent_frame").text = "parent_offset"
-    SubElement(joint, "socket_child_frame").text = "child_offset"
+    sockets = {"socket_parent_frame": "parent_offset", "socket_child_frame": "child_offset"}
+    joint = _add(joints, "CustomJoint", name, sockets)
     coordinates = SubElement(joint, "coordinates")
     for coordinate, reach in [
         *((c, np.radians(RANGE_DEG)) for c, _ in rotations),
         *((c, RANGE_M) for c in translations),
     ]:
-        element = SubElement(coordinates, "Coordinate", name=coordinate)
-        SubElement(element, "default_value").text = "0"
-        SubElement(element, "range").text = _numbers(np.array([-reach, reach]))
-        SubElement(element, "clamped").text = "false"
+        span = _numbers(np.array([-reach, reach]))
+        fields = {"default_value": "0", "range": span, "clamped": "false"}
+        _add(coordinates, "Coordinate", coordinate, fields)
     frames = SubElement(joint, "frames")
     for frame, (body, where) in (
         ("parent_offset", place),
         ("child_offset", (f"/bodyset/{child}", np.zeros(3))),
     ):
-        offset = SubElement(frames, "PhysicalOffsetFrame", name=frame)
-        SubElement(offset, "socket_parent").text = body
-        SubElement(offset, "translation").text = _numbers(where)
-        SubElement(offset, "orientation").text = "0 0 0"
+        fields = {"socket_parent": body, "translation": _numbers(where), "orientation": "0 0 0"}
+        _add(frames, "PhysicalOffsetFrame", frame, fields)
     _transform(joint, rotations, translations)
 
 
@@ -146,15 +144,12 @@ def _transform(joint: Element, rotations: list[Place], translations: tuple[str, 
         (f"translation{k + 1}", move) for k, move in enumerate(zip(moves, np.eye(3), strict=True))
     ]
     for name, (coordinate, axis) in named:
-        element = SubElement(transform, "TransformAxis", name=name)
-        SubElement(element, "coordinates").text = coordinate
-        SubElement(element, "axis").text = _numbers(axis)
+        fields = {"coordinates": coordinate, "axis": _numbers(axis)}
+        element = _add(transform, "TransformAxis", name, fields)
         if coordinate:
-            function = SubElement(element, "LinearFunction", name="function")
-            SubElement(function, "coefficients").text = "1 0"
+            _add(element, "LinearFunction", "function", {"coefficients": "1 0"})
         else:
-            function = SubElement(element, "Constant", name="function")
-            SubElement(function, "value").text = "0"
+            _add(element, "Constant", "function", {"value": "0"})
 
 
 def _numbers(values: np.ndarray) -> str:
@@ -175,8 +170,7 @@ def write_ik_setup(
         trc: name of the file of the markers where it is not NAME.trc.
     """
     document = Element("OpenSimDocument", Version=VERSION)
-    tool = SubElement(document, "InverseKinematicsTool", name=name)
-    for key, value in {
+    fields = {
         "results_directory": "./",
         "input_directory": "",
         "model_file": f"{name}.osim",
@@ -187,13 +181,11 @@ def write_ik_setup(
         "report_errors": "true",
         "marker_file": trc or f"{name}.trc",
         "report_marker_locations": "false",
-    }.items():
-        SubElement(tool, key).text = value
+    }
+    tool = _add(document, "InverseKinematicsTool", name, fields)
     objects = SubElement(SubElement(tool, "IKTaskSet"), "objects")
     for marker in markers:
-        task = SubElement(objects, "IKMarkerTask", name=marker)
-        SubElement(task, "apply").text = "true"
-        SubElement(task, "weight").text = "1"
+        _add(objects, "IKMarkerTask", marker, {"apply": "true", "weight": "1"})
     write_document(file, document)
 
 
@@ -269,14 +261,9 @@ def write_generic_setups(folder: Path, name: str, mass_kg: float, last_s: float)
     """
     scale, scaled = folder / f"{name}_generic_scale.xml", f"{name}_generic"
     document = Element("OpenSimDocument", Version=VERSION)
-    tool = SubElement(document, "ScaleTool", name=scaled)
-    SubElement(tool, "mass").text = f"{mass_kg:.2f}"
-    maker = SubElement(tool, "GenericModelMaker")
-    SubElement(maker, "model_file").text = MODEL
-    SubElement(maker, "marker_set_file").text = MARKERS
-    scaler = SubElement(tool, "ModelScaler")
-    SubElement(scaler, "apply").text = "true"
-    SubElement(scaler, "scaling_order").text = "measurements"
+    tool = _add(document, "ScaleTool", scaled, {"mass": f"{mass_kg:.2f}"})
+    _add(tool, "GenericModelMaker", "", {"model_file": MODEL, "marker_set_file": MARKERS})
+    scaler = _add(tool, "ModelScaler", "", {"apply": "true", "scaling_order": "measurements"})
     objects = SubElement(SubElement(scaler, "MeasurementSet"), "objects")
     for measurement, pairs, bodies in _measurements():
         _measurement(objects, measurement, pairs, bodies)
@@ -287,7 +274,7 @@ def write_generic_setups(folder: Path, name: str, mass_kg: float, last_s: float)
         "output_model_file": f"{scaled}.osim",
     }.items():
         SubElement(scaler, key).text = value
-    SubElement(SubElement(tool, "MarkerPlacer"), "apply").text = "false"
+    _add(tool, "MarkerPlacer", "", {"apply": "false"})
     write_document(scale, document)
     setup = folder / f"{name}_generic_ik.xml"
     write_ik_setup(setup, scaled, generic_markers(), last_s, trc=f"{name}.trc")
@@ -307,11 +294,10 @@ def _measurements() -> list[tuple[str, list[tuple[str, str]], list[str]]]:
 def _measurement(
     objects: Element, name: str, pairs: Sequence[tuple[str, str]], bodies: Sequence[str]
 ) -> None:
-    measurement = SubElement(objects, "Measurement", name=name)
-    SubElement(measurement, "apply").text = "true"
+    measurement = _add(objects, "Measurement", name, {"apply": "true"})
     paired = SubElement(SubElement(measurement, "MarkerPairSet"), "objects")
     for pair in pairs:
-        SubElement(SubElement(paired, "MarkerPair"), "markers").text = " ".join(pair)
+        _add(paired, "MarkerPair", "", {"markers": " ".join(pair)})
     scaled = SubElement(SubElement(measurement, "BodyScaleSet"), "objects")
     for body in bodies:
-        SubElement(SubElement(scaled, "BodyScale", name=body), "axes").text = "X Y Z"
+        _add(scaled, "BodyScale", body, {"axes": "X Y Z"})

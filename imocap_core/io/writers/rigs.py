@@ -6,7 +6,10 @@ pose in which that rig rests, so that programs which retarget by name take it as
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +19,6 @@ if TYPE_CHECKING:
     from imocap_core.io.writers.gltf import Skin
     from imocap_core.io.writers.motion_clip import MotionClip
 
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
-
 
 @dataclass(frozen=True)
 class CharacterRig:
@@ -25,7 +26,7 @@ class CharacterRig:
 
     middle: dict[str, str]
     paired: dict[str, str]  # with {side}
-    sides: tuple[str, str]  # left, right
+    sides: Sequence[str]  # left, right
     finger: str  # with {name}, {n} and {side}
     arms_down_deg: float = 0.0
     finger_names: dict[str, str] | None = None
@@ -42,53 +43,12 @@ class CharacterRig:
         return self.finger.format(name=finger, n=part[-1], side=sign)
 
 
-RIGS: dict[str, CharacterRig] = {
-    "mixamo": CharacterRig(
-        {
-            **{"pelvis": "mixamorig:Hips", "spine1": "mixamorig:Spine"},
-            **{"spine2": "mixamorig:Spine1", "spine3": "mixamorig:Spine2"},
-            **{"neck": "mixamorig:Neck", "head": "mixamorig:Head"},
-        },
-        {
-            **{"hip": "mixamorig:{side}UpLeg", "knee": "mixamorig:{side}Leg"},
-            **{"ankle": "mixamorig:{side}Foot", "foot": "mixamorig:{side}ToeBase"},
-            **{"collar": "mixamorig:{side}Shoulder", "shoulder": "mixamorig:{side}Arm"},
-            **{"elbow": "mixamorig:{side}ForeArm", "wrist": "mixamorig:{side}Hand"},
-            **{"hand": "mixamorig:{side}HandMiddle1"},
-        },
-        ("Left", "Right"),
-        "mixamorig:{side}Hand{name}{n}",
-        finger_names={name: name.capitalize() for name in FINGERS},
-    ),
-    "ue5": CharacterRig(
-        {
-            **{"pelvis": "pelvis", "spine1": "spine_01", "spine2": "spine_02"},
-            **{"spine3": "spine_03", "neck": "neck_01", "head": "head"},
-        },
-        {
-            **{"hip": "thigh_{side}", "knee": "calf_{side}", "ankle": "foot_{side}"},
-            **{"foot": "ball_{side}", "collar": "clavicle_{side}", "shoulder": "upperarm_{side}"},
-            **{"elbow": "lowerarm_{side}", "wrist": "hand_{side}", "hand": "middle_01_{side}"},
-        },
-        ("l", "r"),
-        "{name}_0{n}_{side}",
-        arms_down_deg=45.0,
-    ),
-    "rigify": CharacterRig(
-        {
-            **{"pelvis": "spine", "spine1": "spine.001", "spine2": "spine.002"},
-            **{"spine3": "spine.003", "neck": "spine.004", "head": "spine.006"},
-        },
-        {
-            **{"hip": "thigh.{side}", "knee": "shin.{side}", "ankle": "foot.{side}"},
-            **{"foot": "toe.{side}", "collar": "shoulder.{side}", "shoulder": "upper_arm.{side}"},
-            **{"elbow": "forearm.{side}", "wrist": "hand.{side}", "hand": "f_middle.01.{side}"},
-        },
-        ("L", "R"),
-        "{name}.0{n}.{side}",
-        finger_names={"thumb": "thumb", **{name: f"f_{name}" for name in FINGERS[1:]}},
-    ),
-}
+def _rigs() -> dict[str, CharacterRig]:
+    text = Path(__file__).with_name("rigs.toml").read_text(encoding="utf-8")
+    return {name: CharacterRig(**fields) for name, fields in tomllib.loads(text).items()}
+
+
+RIGS = _rigs()
 
 
 def as_rig(clip: MotionClip, name: str) -> MotionClip:

@@ -9,7 +9,6 @@ and, where it is not 0, k3.
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.biomechanics.motion_event import MotionEvent
+from imocap_core.files import write_csv
 from imocap_core.io.writers.motion_clip import MotionClip
 
 FIRST = ("time_s", "frame", "phase_s", "inside")
@@ -36,24 +36,22 @@ def write_joints_csv(
     """
     with_sd = [joint for joint in clip.joint_names if joint in sd_mm]
     columns = [f"{joint}_{axis}_m" for joint in clip.joint_names for axis in "xyz"]
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow([*FIRST, *columns, *(f"{joint}_sd_m" for joint in with_sd)])
-        for t, joints in enumerate(clip.joints):
-            rows.writerow(
-                [
-                    f"{clip.times_s[t]:.6f}",
-                    f"{clip.frames[t]:.6f}".rstrip("0").rstrip("."),
-                    _cell(clip.phase_s[t]),
-                    int(clip.inside[t]),
-                    *(f"{x:.6f}" for x in joints.ravel()),
-                    *(_cell(sd_mm[joint][t] / 1000) for joint in with_sd),
-                ]
-            )
+    rows = [
+        [
+            f"{clip.times_s[t]:.6f}",
+            f"{clip.frames[t]:.6f}".rstrip("0").rstrip("."),
+            _cell(clip.phase_s[t], 6),
+            int(clip.inside[t]),
+            *(f"{x:.6f}" for x in joints.ravel()),
+            *(_cell(sd_mm[joint][t] / 1000, 6) for joint in with_sd),
+        ]
+        for t, joints in enumerate(clip.joints)
+    ]
+    write_csv(file, [*FIRST, *columns, *(f"{joint}_sd_m" for joint in with_sd)], rows)
 
 
-def _cell(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:.6f}"
+def _cell(value: float, decimals: int) -> str:
+    return "" if np.isnan(value) else f"{value:.{decimals}f}"
 
 
 def write_angles_csv(file: Path, columns: Mapping[str, Float[np.ndarray, " T"]]) -> None:
@@ -61,17 +59,14 @@ def write_angles_csv(file: Path, columns: Mapping[str, Float[np.ndarray, " T"]])
 
     Seconds and frames have four decimals, angles (names that end with `_deg`) two.
     """
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(columns)
-        texts = [[_text(value, name) for value in values] for name, values in columns.items()]
-        rows.writerows(zip(*texts, strict=True))
-
-
-def _text(value: float, name: str) -> str:
-    if np.isnan(value):
-        return ""
-    return f"{value:.2f}" if name.endswith("_deg") else f"{value:.4f}".rstrip("0").rstrip(".")
+    texts = [
+        [
+            _cell(v, 2) if name.endswith("_deg") else _cell(v, 4).rstrip("0").rstrip(".")
+            for v in values
+        ]
+        for name, values in columns.items()
+    ]
+    write_csv(file, columns, zip(*texts, strict=True))
 
 
 COLUMNS = (
@@ -92,26 +87,22 @@ def write_events_csv(
     time_s, frames, phase_s: of the frames whose positions the events' indices are.
     """
     position = np.arange(len(time_s))
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(COLUMNS)
-        for event in events:
-            moments = (event.index, event.earliest, event.latest)
-            times = [_event_text(np.interp(i, position, time_s)) for i in moments]
-            frame = _event_text(np.interp(event.index, position, frames), 2)
-            phase = _event_text(np.interp(event.index, position, phase_s))
-            about = (
+    rows = []
+    for event in events:
+        moments = (event.index, event.earliest, event.latest)
+        rows.append(
+            [
+                *(_cell(np.interp(i, position, time_s), 4) for i in moments),
+                _cell(np.interp(event.index, position, frames), 2),
+                _cell(np.interp(event.index, position, phase_s), 4),
                 event.kind,
                 event.name,
-                _event_text(event.value, 2),
+                _cell(event.value, 2),
                 event.unit,
-                _event_text(event.sd, 2),
-            )
-            rows.writerow([*times, frame, phase, *about])
-
-
-def _event_text(value: float, decimals: int = 4) -> str:
-    return "" if np.isnan(value) else f"{value:.{decimals}f}"
+                _cell(event.sd, 2),
+            ]
+        )
+    write_csv(file, COLUMNS, rows)
 
 
 DECIMALS = 3  # 0.001 mm
@@ -119,17 +110,18 @@ DECIMALS = 3  # 0.001 mm
 
 def write_trc(file: Path, clip: MotionClip) -> None:
     """Write one motion clip; its first line contains the file name, as the format requires."""
-    _write(file, trc_text(clip, file.name))
+    write_text(file, trc_text(clip, file.name))
 
 
 def write_markers(
     file: Path, markers_mm: Mapping[str, Float[np.ndarray, "T 3"]], fps: float, start: int
 ) -> None:
     """Write markers over time (`markers_text`)."""
-    _write(file, markers_text(markers_mm, file.name, fps, start))
+    write_text(file, markers_text(markers_mm, file.name, fps, start))
 
 
-def _write(file: Path, text: str) -> None:
+def write_text(file: Path, text: str) -> None:
+    """Write text, lines ending alike on every system."""
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
@@ -197,11 +189,9 @@ def write_calibration(out: Path, cameras: Sequence[CameraCalibration]) -> list[P
         "intri.yml": intri_yml(cameras),
         "extri.yml": extri_yml(cameras),
     }
-    files = []
     for name, text in texts.items():
-        files.append(out / name)
-        files[-1].write_text(text, encoding="utf-8", newline="\n")
-    return files
+        write_text(out / name, text)
+    return [out / name for name in texts]
 
 
 def calib_toml(cameras: Sequence[CameraCalibration]) -> str:
