@@ -1,0 +1,1 @@
+"""`imocap benchmark chance`: what compare's permutation test finds between sets of performances."""
