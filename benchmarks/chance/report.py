@@ -14,7 +14,7 @@ from jaxtyping import Float
 from rich.table import Table
 
 from benchmarks.actions.captured import data_folder
-from benchmarks.chance.takes import Take, takes_of
+from benchmarks.chance.takes import CapturedTake, takes_of
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.tables import write_rows
 from imocap_core.compare.chance import LIKELY, chance_of
@@ -33,13 +33,13 @@ DRAWS, OF_WALKERS = 40, 4
 
 @dataclass(frozen=True)
 class ChanceRow:
-    """Of draws of two sets, in how many the test found a difference, and the median of the least
+    """Of draws of two sets, in how many the test told them apart, and the median of the least
     probabilities."""
 
     sets: str
     performances: str
     draws: int
-    found: int
+    told_apart: int
     median_p: float
 
 
@@ -56,18 +56,20 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     rows = []
     for sets, draws in (("one kind", alike), ("two walkers", apart)):
         p = np.array([least_probability(first, second, rng) for first, second in draws])
-        found = int((p <= LIKELY).sum())
-        rows.append(ChanceRow(sets, f"{size} and {size}", len(p), found, float(np.median(p))))
+        apart_in = int((p <= LIKELY).sum())
+        rows.append(ChanceRow(sets, f"{size} and {size}", len(p), apart_in, float(np.median(p))))
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     write_rows(folder, "results", rows)
     return [table_of_rows(rows), f"Written to {folder}"]
 
 
-def _drawn(takes: list[Take], size: int, rng: np.random.Generator) -> list[Take]:
+def _drawn(takes: list[CapturedTake], size: int, rng: np.random.Generator) -> list[CapturedTake]:
     return [takes[k] for k in rng.permutation(len(takes))[:size]]
 
 
-def least_probability(first: list[Take], second: list[Take], rng: np.random.Generator) -> float:
+def least_probability(
+    first: list[CapturedTake], second: list[CapturedTake], rng: np.random.Generator
+) -> float:
     """Of all angles of two sets of performances."""
     ours, theirs = (_on_one_axis([take.joints for take in takes], rng) for takes in (first, second))
     means = [np.nanmean(of, axis=0) for of in (ours, theirs)]
@@ -94,13 +96,15 @@ def _positions(
     motions: list[Float[np.ndarray, "_T J 3"]], rng: np.random.Generator
 ) -> list[Float[np.ndarray, " N"]]:
     """Of each motion, the frame that matches each frame of the first, NaN where none does."""
-    evidence = SyncEvidence(motions, fps=[Take.fps] * len(motions), joint_weights=None, reference=0)
+    evidence = SyncEvidence(
+        motions, fps=[CapturedTake.fps] * len(motions), joint_weights=None, reference=0
+    )
     frames = np.arange(len(motions[0]), dtype=np.float64)
     positions = [frames]
     for matched in synchronise(evidence, SETTINGS, rng).reference_frame[1:]:
-        known = np.flatnonzero(np.isfinite(matched))
+        matched_frames = np.flatnonzero(np.isfinite(matched))
         ends = {"left": np.nan, "right": np.nan}
-        positions.append(np.interp(frames, matched[known], known, **ends))
+        positions.append(np.interp(frames, matched[matched_frames], matched_frames, **ends))
     return positions
 
 

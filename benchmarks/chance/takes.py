@@ -15,7 +15,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class CapturedTake:
     """One take at 30 frames a second; joints: (T, J, 3) metres, z up; names: of the joints."""
 
     fps: ClassVar[float] = 30.0
@@ -36,18 +36,18 @@ class Take:
         return angles
 
 
-def takes_of(file: Path) -> list[Take]:
+def takes_of(file: Path) -> list[CapturedTake]:
     """All takes of a file of captured motion, about the hips, the hips of the first frame along
     x."""
     with np.load(file) as data:
         names, index = tuple(map(str, data["common14"])), data["common14_idx"]
-        step = max(1, round(float(data["fps"]) / Take.fps))
+        step = max(1, round(float(data["fps"]) / CapturedTake.fps))
         up = json.loads(str(data["meta"])).get("up", "y")
         count = len(data["trial_ids"])
         motions = [data[f"trial_{k:02d}"][::step][:, index].astype(float) for k in range(count)]
     if up == "y":
         motions = [motion[..., [2, 0, 1]] for motion in motions]
-    return [Take(_about_hips(motion, names), names) for motion in motions]
+    return [CapturedTake(_about_hips(motion, names), names) for motion in motions]
 
 
 def _about_hips(

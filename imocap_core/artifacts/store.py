@@ -302,9 +302,7 @@ class Store:
         ArtifactCorrupt when it can't be read back.
         """
         file = self.current(action, stage)
-        from imocap_core.artifacts import codec
-
-        return stored_as(file, codec.read(file)) if file.is_file() else None
+        return _read(file) if file.is_file() else None
 
     def find(self, action: str, stage: str, key: str) -> Stored | None:
         """The result made under `key`, read and checked; None when there is none or it can't be
@@ -411,14 +409,18 @@ def stored_as(file: Path, content: Content) -> Stored:
     return Stored(file, content.schema, content.digest, key, files, content)
 
 
-def _unread(file: Path) -> Stored:
-    """An artifact whose content, where its head is remembered, is read only when asked for."""
+def _read(file: Path) -> Stored:
     from imocap_core.artifacts import codec
 
+    return stored_as(file, codec.read(file))
+
+
+def _unread(file: Path) -> Stored:
+    """An artifact whose content, where its head is remembered, is read only when asked for."""
     read_now: list[Stored] = []
 
     def head_of(file: Path) -> dict[str, str | bool]:
-        stored = stored_as(file, codec.read(file))
+        stored = _read(file)
         read_now.append(stored)
         return {name: getattr(stored, name) for name in HEAD}
 

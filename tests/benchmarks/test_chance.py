@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.chance.report import least_probability
-from benchmarks.chance.takes import Take, takes_of
+from benchmarks.chance.takes import CapturedTake, takes_of
 from imocap_core.compare.chance import LIKELY
 
 NAMES = tuple(
@@ -16,7 +16,7 @@ NAMES = tuple(
 )
 
 
-def takes(file: Path, count: int, lift_rad: float, rng: np.random.Generator) -> list[Take]:
+def takes(file: Path, count: int, lift_rad: float, rng: np.random.Generator) -> list[CapturedTake]:
     """Arms raised sideways, of a size and speed of their own, read back from a file."""
     of_all = {}
     for k in range(count):
