@@ -160,9 +160,7 @@ def test_a_damaged_middle_is_a_span_and_no_cut(tmp_path: Path) -> None:
     assert survey_video(path, part, SIZE, FPS).damaged_spans(part) is None
 
 
-def test_damaged_videos_are_decoded_in_one_thread(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_damaged_videos_are_decoded_in_one_thread(tmp_path, monkeypatch):
     """With several, one run in some hundred misses a damaged frame, and what is filled in for lost
     data depends on their number."""
     path = tmp_path / "a.mp4"

@@ -92,9 +92,7 @@ def test_a_stage_computes_on_its_device(stage: Any, given: Given, unchecked_shap
 
 
 @pytest.mark.long
-def test_a_single_video_is_lifted_and_fitted_on_the_device_of_its_prior(
-    made: Made, unchecked_shapes: None
-) -> None:
+def test_a_single_video_is_lifted_and_fitted_on_the_device_of_its_prior(made, unchecked_shapes):
     single = SingleVideo.of(made.keypoints.videos[0], made.camera_motion.videos[0], None)
 
     def fitted(device: str) -> Artifact:
@@ -106,9 +104,7 @@ def test_a_single_video_is_lifted_and_fitted_on_the_device_of_its_prior(
         assert pack(fitted("cuda")).digest == pack(here).digest
 
 
-def test_surfaces_are_skinned_on_the_device_of_their_model(
-    made: Made, unchecked_shapes: None
-) -> None:
+def test_surfaces_are_skinned_on_the_device_of_their_model(made, unchecked_shapes):
     def stretched(device: str) -> np.ndarray:
         model = load_free_body(device)
         bodies = [posed_body(model, motion, [0, 1]) for motion in (made.bent[0], made.true[0])]

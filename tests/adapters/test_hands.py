@@ -72,9 +72,7 @@ def test_without_keypoints_of_hands_there_is_nothing(made: Made) -> None:
     assert hand_tables([]) == []
 
 
-def test_hands_that_rest_are_found_resting_and_scored(
-    inputs: tuple[Keypoints, CameraMotion, RefineSync], made: Made
-) -> None:
+def test_hands_that_rest_are_found_resting_and_scored(inputs, made):
     found = handed(*inputs)
     assert [v.id for v in found.videos] == made.ids
     assert found.size == pytest.approx(1.0, abs=0.02)
@@ -93,9 +91,7 @@ def test_hands_that_rest_are_found_resting_and_scored(
 
 
 @pytest.mark.long
-def test_an_excluded_video_has_hands_of_its_own(
-    inputs: tuple[Keypoints, CameraMotion, RefineSync], made: Made
-) -> None:
+def test_an_excluded_video_has_hands_of_its_own(inputs, made):
     sync = made.refined.sync.model_copy(update={"excluded": ["v2"]})
     found = handed(*inputs[:2], made.refined.model_copy(update={"sync": sync}))
     assert [v.id for v in found.videos] == made.ids

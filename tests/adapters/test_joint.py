@@ -119,9 +119,7 @@ def test_a_stored_result_comes_back_as_it_was_solved(made: Made, straight: SmplB
         np.testing.assert_allclose(joints, video.joints, atol=1e-12)
 
 
-def test_the_sides_that_a_solve_put_right_are_stored_and_kept(
-    plain: tuple[JointProblem, JointMotion],
-) -> None:
+def test_the_sides_that_a_solve_put_right_are_stored_and_kept(plain):
     of, motion = plain
     swapped = [np.zeros(len(o.xy_px), int) for o in of.scene.observations]
     swapped[1][3:7] = LEGS
@@ -148,9 +146,7 @@ def test_a_single_video_has_no_common_motion() -> None:
 
 
 @pytest.mark.parametrize(("spread_m", "is_one"), [(0.004, True), (0.03, False)])
-def test_videos_that_hardly_differ_show_one_motion(
-    plain: tuple[JointProblem, JointMotion], spread_m: float, *, is_one: bool
-) -> None:
+def test_videos_that_hardly_differ_show_one_motion(plain, spread_m, *, is_one):
     _, before = plain
     alike = DeviationSpread(
         np.full_like(before.spread.keypoints_m, spread_m), np.full((3, 6), spread_m)
@@ -161,13 +157,8 @@ def test_videos_that_hardly_differ_show_one_motion(
 
 @pytest.mark.parametrize(("left", "counts"), [(-2.01, True), (-1.9995, True), (-1.998, False)])
 def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
-    made: Made,
-    plain: tuple[JointProblem, JointMotion],
-    monkeypatch: pytest.MonkeyPatch,
-    left: float,
-    *,
-    counts: bool,
-) -> None:
+    made, plain, monkeypatch, left, *, counts
+):
     given, before = plain
     again = replace(before, status="again")
     monkeypatch.setattr("imocap_core.adapters.joint.recover_motion", lambda *_, **__: again)

@@ -97,8 +97,8 @@ def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMo
 
 @pytest.mark.parametrize("chosen", [0, 1])
 def test_the_axis_stays_on_the_same_video_and_where_single_motions_tell_another_cycle(
-    made: Made, choose: Any, monkeypatch: pytest.MonkeyPatch, chosen: int
-) -> None:
+    made, choose, monkeypatch, chosen
+):
     choose(chosen)
     again = LoopSync._of_monocular_motions
 
@@ -115,9 +115,7 @@ def test_the_axis_stays_on_the_same_video_and_where_single_motions_tell_another_
     assert sync.reference == "v1"
 
 
-def test_the_axis_moves_with_the_first_correspondences_and_the_cameras(
-    made: Made, choose: Any
-) -> None:
+def test_the_axis_moves_with_the_first_correspondences_and_the_cameras(made, choose):
     choose(1)
     beginning, sync, _, motion = begun(made)
     assert beginning.moved
@@ -156,8 +154,8 @@ def inputs_of(made: Made, first: Sync) -> Inputs:
 
 @pytest.mark.long
 def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
-    made: Made, choose: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+    made, choose, monkeypatch, tmp_path
+):
     choose(2)
     monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
     result = refine_sync.run(context(tmp_path), inputs_of(made, made.sync), QUICK)
@@ -174,9 +172,7 @@ def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
 
 
 @pytest.mark.long
-def test_the_stage_solves_again_with_a_video_that_was_left_out(
-    made: Made, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_stage_solves_again_with_a_video_that_was_left_out(made, monkeypatch, tmp_path):
     monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
     notes = ["v3 seems to show another action"]
     first = made.sync.model_copy(update={"excluded": ["v3"], "notes": notes})
@@ -215,9 +211,7 @@ LOOP = sync([0.0, 1.0, 2.0, 3.0], [0.9, 0.9, 0.4, 0.95])
 
 
 @pytest.mark.parametrize(("deviation_m", "path_m"), [(0.03, 0.005), (0.003, 0.05)])
-def test_of_differing_performances_the_less_sure_one_counts(
-    deviation_m: float, path_m: float
-) -> None:
+def test_of_differing_performances_the_less_sure_one_counts(deviation_m, path_m):
     result = with_independent_confidence(LOOP, FIRST, spread(deviation_m, path_m))
     np.testing.assert_allclose(result.maps[1].confidence, [0.5, 0.6, 0.4, 0.9])
     np.testing.assert_array_equal(result.maps[0].confidence, np.ones(4))

@@ -93,9 +93,7 @@ def test_a_joint_moves_to_the_place_nearest_to_the_expected_one(made: Made) -> N
 
 
 @pytest.mark.parametrize(("place", "away"), [(LIMIT + 1.0, 60.0), (8.0, 15.0)])
-def test_what_lies_too_far_or_hardly_nearer_is_not_taken(
-    made: Made, place: float, away: float
-) -> None:
+def test_what_lies_too_far_or_hardly_nearer_is_not_taken(made, place, away):
     video, camera = detected(made)
     question = asked(video, away=away)
     answer = seen(question.expected_px[0, WRIST] + (place, 0.0))
@@ -108,8 +106,8 @@ def test_what_lies_too_far_or_hardly_nearer_is_not_taken(
     ("shift", "presence", "is_taken"), [(3.0, 0.9, True), (3.0, 0.4, False), (40.0, 0.9, False)]
 )
 def test_somebody_who_was_lost_is_taken_whole_where_they_are_expected(
-    made: Made, shift: float, presence: float, *, is_taken: bool
-) -> None:
+    made, shift, presence, *, is_taken
+):
     video, camera = detected(made)
     question = asked(video, is_lost=True, away=0.0)
     body = np.column_stack([question.expected_px[0] + shift, np.full(33, 0.6)])

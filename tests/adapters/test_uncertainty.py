@@ -99,9 +99,7 @@ def test_an_excluded_video_speaks_for_itself(made: Made, plain: Uncertainty) -> 
     assert turn < 20  # by its own motion, which is nearly the others'
 
 
-def test_a_mirrored_video_has_the_claims_of_its_mirror_image(
-    made: Made, plain: Uncertainty
-) -> None:
+def test_a_mirrored_video_has_the_claims_of_its_mirror_image(made, plain):
     keypoints, camera_motion, initial, refined = artifacts(made, mirrored=["v2"])
 
     def second(values: list, turned: Callable[[Any], Any]) -> list:

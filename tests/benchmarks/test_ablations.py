@@ -105,9 +105,7 @@ def test_every_claim_speaks_of_variants_that_there_are() -> None:
 # --- running
 
 
-def test_variants_that_fail_leave_the_others_and_say_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_variants_that_fail_leave_the_others_and_say_so(tmp_path, monkeypatch):
     def scored(display, workspace, base, name, variant):  # type: ignore[no-untyped-def]
         if variant.name == "rank_2":
             raise WorkFailed("rank 2 broke")

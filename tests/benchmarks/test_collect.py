@@ -25,9 +25,7 @@ def takes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def film(
-    takes: list[Path], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, list[CutPiece]]:
+def film(takes, tmp_path_factory):
     a, b, c = takes
     pieces = [
         Piece(a, shown="serve/a"),

@@ -161,9 +161,7 @@ class Silent:
         return lambda *_: None
 
 
-def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(tmp_path, monkeypatch):
     digest, scored = ["one"], []
     how = ["made"]
 
@@ -206,9 +204,7 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
     assert scored == ["one", "two", "two"]
 
 
-def test_a_run_of_one_action_keeps_the_table_of_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_of_one_action_keeps_the_table_of_the_others(tmp_path, monkeypatch):
     def scored(action: str) -> ActionScore:
         return ActionScore(action, 4, 9, {"after loop": {"mpjpe_scaled_mm": 40.0}}, {}, action)
 
@@ -245,14 +241,7 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(
         (["benchmark", "h36m", "--data", "."], 1, "data_3d_h36m.npz does not exist"),
     ],
 )
-def test_exit_codes(
-    words: list[str],
-    code: int,
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_exit_codes(words, code, message, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(inputs.DATA_VARIABLE, str(tmp_path))
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert main(["--root", str(tmp_path), *words]) == code

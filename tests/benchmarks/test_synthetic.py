@@ -186,9 +186,7 @@ def test_stature_is_near_the_height_of_the_figure():
 @pytest.mark.parametrize(
     ("detector", "noise_px", "missing"), [("fine_tuned", 4, 0.02), ("generic", 8, 0.05)]
 )
-def test_a_detector_has_the_errors_that_the_benchmarks_state(
-    detector: str, noise_px: float, missing: float
-):
+def test_a_detector_has_the_errors_that_the_benchmarks_state(detector, noise_px, missing):
     truth = np.tile(np.random.default_rng(0).uniform(100, 900, (1, 18, 2)), (3000, 1, 1))
     truth[:, 0] = np.nan
     height = np.full(3000, 600.0)

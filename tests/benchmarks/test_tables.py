@@ -151,9 +151,7 @@ def test_the_headline_numbers_are_the_measured_ones(name: str) -> None:
     assert float(numbers[3].removesuffix(" %")) == pytest.approx(float(sync), abs=0.051)
 
 
-def test_the_command_puts_its_table_into_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_puts_its_table_into_the_page(tmp_path, monkeypatch, capsys):
     page = made_page(tmp_path, "<!-- table ablations-trials -->\n<!-- end -->\n")
     monkeypatch.setattr(ablations_report, "measure", lambda *_: (None, tmp_path))
     monkeypatch.setattr(ablations_report, "markdown", lambda _: "# Found\n\n| [a] |\n")

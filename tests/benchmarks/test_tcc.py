@@ -214,9 +214,7 @@ def test_windows_repeat_the_ends_of_a_clip() -> None:
         ([(9, 1, 8, 6), (9, 1, 8, 6)], {}, "square picture"),
     ],
 )
-def test_clips_that_do_not_fit_are_refused(
-    shapes: list[tuple[int, ...]], change: dict[str, int], message: str
-) -> None:
+def test_clips_that_do_not_fit_are_refused(shapes, change, message):
     clips = [np.zeros(shape, np.float32) for shape in shapes]
     with pytest.raises(ValueError, match=message):
         train(clips, [FPS] * len(clips), replace(POSES, **change), seed=0)

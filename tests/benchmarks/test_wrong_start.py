@@ -70,15 +70,11 @@ def test_depth_is_reversed_about_the_root_and_the_picture_stays() -> None:
     ("result_mm", "excluded", "recovered"),
     [(41.9, "", True), (42.1, "", False), (40.0, "v2", False), (30.0, "", True)],
 )
-def test_recovered_is_within_five_percent_with_every_view(
-    result_mm: float, excluded: str, recovered: bool
-) -> None:
+def test_recovered_is_within_five_percent_with_every_view(result_mm, excluded, recovered):
     assert is_recovered(result_mm, 40.0, excluded, "") == recovered
 
 
-def test_every_action_is_run_from_keypoints_and_rendered(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_action_is_run_from_keypoints_and_rendered(tmp_path, monkeypatch):
     (tmp_path / "trials").mkdir()
     for name in ("one", "two"):
         np.savez(tmp_path / "trials" / f"{name}.npz")

@@ -38,9 +38,7 @@ def pose_of(
 
 @pytest.mark.parametrize("pose_blend", [False, True])
 @pytest.mark.parametrize(("dtype", "bound_m"), [(torch.float64, 1e-10), (torch.float32, 1e-5)])
-def test_agrees_with_the_published_formulas(
-    pose_blend: bool, dtype: torch.dtype, bound_m: float
-) -> None:
+def test_agrees_with_the_published_formulas(pose_blend, dtype, bound_m):
     rng = np.random.default_rng(0)
     model = made_body(rng, pose_blend=pose_blend, dtype=dtype)
     theta, transl = pose_of(rng)

@@ -99,9 +99,7 @@ def test_agrees_with_the_published_formulas(kind: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("protocol", [0, 2, 4])
 @pytest.mark.parametrize("kind", ["smpl", "smplh", "smplx"])
-def test_pickle_and_npz_are_the_same_model(
-    kind: str, protocol: int, tmp_path: Path, chumpy_like: type, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pickle_and_npz_are_the_same_model(kind, protocol, tmp_path, chumpy_like, monkeypatch):
     arrays = official_arrays(kind)
     np.savez(tmp_path / "a.npz", **arrays)
     pickled = dict(arrays)

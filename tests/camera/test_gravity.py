@@ -73,9 +73,7 @@ def test_a_body_shows_the_pitch_of_its_camera(pitch_deg: float) -> None:
 
 
 @pytest.mark.parametrize("lean_deg", [-40, 40])
-def test_a_motion_that_leans_to_or_from_the_camera_is_wrong_rather_than_its_camera(
-    lean_deg: int,
-) -> None:
+def test_a_motion_that_leans_to_or_from_the_camera_is_wrong_rather_than_its_camera(lean_deg):
     leaning = turned(standing(), Rotation.from_euler("x", lean_deg, degrees=True))
     estimate = estimate_up([FilmedBody(leaning, FPS, LEVEL_CAMERA)], PRIOR)
     assert angle_deg(estimate.up, Y_UP) < 15.0
@@ -93,8 +91,8 @@ def test_a_motion_that_leans_in_the_picture_shows_the_roll_of_its_camera(roll_de
     ("facing_deg", "down_deg", "roll_deg"), [(90, 5, 0), pytest.param(30, 12, 4, marks=LONG)]
 )
 def test_who_lies_kneels_hangs_or_stands_on_the_hands_is_level(
-    posture: str, facing_deg: int, down_deg: int, roll_deg: int
-) -> None:
+    posture, facing_deg, down_deg, roll_deg
+):
     joints = turned(posed(POSTURES[posture]), Rotation.from_euler("y", facing_deg, degrees=True))
     held = Rotation.from_euler("xz", (down_deg, roll_deg), degrees=True).as_matrix()
     estimate = estimate_up([FilmedBody(joints, FPS, held @ LEVEL_CAMERA)], PRIOR)

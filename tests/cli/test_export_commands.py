@@ -35,9 +35,7 @@ def made(tmp_path: Path) -> Made:
 
 
 @pytest.fixture
-def imocap(
-    tmp_path: Path, made: Made, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Said]:
+def imocap(tmp_path, made, capsys, monkeypatch):
     def run(*words: str) -> Said:
         monkeypatch.setattr("sys.argv", ["imocap", *words])
         code = main(["--root", str(tmp_path)])

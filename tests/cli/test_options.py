@@ -212,7 +212,7 @@ def test_a_fault_leaves_the_standard_output_empty(toy: Toy, capsys: Capture) -> 
     assert "nobody" in shown.err
 
 
-def test_values_become_json_s_types() -> None:
+def test_values_become_json_s_types():
     @dataclass
     class Row:
         file: Path

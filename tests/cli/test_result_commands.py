@@ -55,9 +55,7 @@ def made_small() -> Made:
 
 
 @pytest.fixture
-def imocap(
-    folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., tuple[int, str]]:
+def imocap(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["imocap"])
 
     def call(*words: str) -> tuple[int, str]:

@@ -50,9 +50,7 @@ def test_the_probability_does_not_depend_on_which_set_is_first_nor_on_unseen_mom
 
 
 @pytest.mark.parametrize(("ours", "theirs", "least"), [(4, 4, 2 / 70), (3, 4, 1 / 35), (3, 3, 0.1)])
-def test_the_least_probability_is_that_of_one_division(
-    ours: int, theirs: int, least: float
-) -> None:
+def test_the_least_probability_is_that_of_one_division(ours, theirs, least):
     rng = np.random.default_rng(3)
     chance = chance_of(performances(ours, rng), performances(theirs, rng), rng)
     assert chance.least == pytest.approx(least)

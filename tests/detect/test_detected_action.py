@@ -74,9 +74,7 @@ def test_it_works_where_it_stands(place: Place, monkeypatch: pytest.MonkeyPatch)
     assert len(place.keypoints().videos) == 2
 
 
-def test_what_was_finished_before_a_break_is_kept(
-    place: Place, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_finished_before_a_break_is_kept(place, capsys, monkeypatch):
     clip(place.folder / "b.mp4", [None] * 3)
     assert place.run("detect", "mine") == 1
     assert "b.mp4: mediapipe 0.10.21 found no person" in capsys.readouterr().err
@@ -86,9 +84,7 @@ def test_what_was_finished_before_a_break_is_kept(
 
 
 @pytest.mark.parametrize("first", [["--store"], []])
-def test_what_was_detected_on_one_machine_is_not_on_another(
-    place: Place, tmp_path: Path, capsys: Capture, first: list[str]
-) -> None:
+def test_what_was_detected_on_one_machine_is_not_on_another(place, tmp_path, capsys, first):
     """Also where the first run had no store, and the next one publishes what is missing."""
     store = tmp_path / "shared"
     store.mkdir()
@@ -165,9 +161,7 @@ def test_a_broken_video_is_named_and_the_others_are_detected(place: Place, capsy
     assert "a: " in lines
 
 
-def test_a_broken_video_is_given_to_the_detector_once(
-    place: Place, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_broken_video_is_given_to_the_detector_once(place, monkeypatch):
     add_broken_video(place)
     assert place.run("detect", "mine") == 0
     monkeypatch.setattr("imocap_core.detect.detected_action.detect_videos", None)

@@ -77,9 +77,7 @@ def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_pytho
     assert np.allclose(world.joints[0, :, 2], 0.01 * np.arange(33))
 
 
-def test_detections_that_another_run_made_meanwhile_stay(
-    tmp_path: Path, detector_python: Path
-) -> None:
+def test_detections_that_another_run_made_meanwhile_stay(tmp_path, detector_python):
     """A stage may be reading them."""
     video, file = clip(tmp_path / "bar.mp4", COLUMNS), tmp_path / "out" / "detections.npz"
     file.parent.mkdir()
@@ -93,9 +91,7 @@ def test_detections_that_another_run_made_meanwhile_stay(
 
 
 @pytest.mark.parametrize("has_links", [True, False])
-def test_a_file_is_published_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_links: bool
-) -> None:
+def test_a_file_is_published_once(tmp_path, monkeypatch, has_links):
     if not has_links:
         monkeypatch.setattr("os.link", refuse)
     for content in (b"first", b"second"):
@@ -147,13 +143,8 @@ def test_a_result_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     ids=["nobody", "dies", "hangs", "no library"],
 )
 def test_what_fails_is_one_sentence_and_leaves_nothing(
-    tmp_path: Path,
-    detector_python: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    columns: list[float | None],
-    environment: dict[str, str],
-    sentence: str,
-) -> None:
+    tmp_path, detector_python, monkeypatch, columns, environment, sentence
+):
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(detection, "ANSWER_S", 6.0)  # long enough for it to start
@@ -196,8 +187,8 @@ def videos(folder: Path, nobody_in: int | None = None) -> list[Undetected]:
 
 @pytest.mark.usefixtures("many_cores")
 def test_every_video_has_its_detections_and_the_share_only_grows(
-    tmp_path: Path, detector: Detector, detector_python: Path
-) -> None:
+    tmp_path, detector, detector_python
+):
     made, shares = videos(tmp_path), list[float]()
     detect_videos(made, detector, detector_python, lambda share, what: shares.append(share))
     assert shares == sorted(shares)
@@ -209,9 +200,7 @@ def test_every_video_has_its_detections_and_the_share_only_grows(
 
 
 @pytest.mark.usefixtures("many_cores")
-def test_the_others_are_finished_where_one_fails(
-    tmp_path: Path, detector: Detector, detector_python: Path
-) -> None:
+def test_the_others_are_finished_where_one_fails(tmp_path, detector, detector_python):
     made = videos(tmp_path, nobody_in=1)
     with pytest.raises(WorkFailed, match=r"1\.mp4: mediapipe 0\.10\.21 found no person"):
         detect_videos(made, detector, detector_python, lambda share, what: None)
@@ -219,8 +208,8 @@ def test_the_others_are_finished_where_one_fails(
 
 
 def test_detectors_that_hang_end_with_an_interrupted_run(
-    tmp_path: Path, detector: Detector, detector_python: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, detector, detector_python, monkeypatch
+):
     """The interrupt reaches the main thread only, as Ctrl-C does."""
     monkeypatch.setattr(detection, "cores", lambda: 3)
     monkeypatch.setenv("FAKE_DIES_AT", "2")

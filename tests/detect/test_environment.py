@@ -41,9 +41,7 @@ def packages(tmp_path: Path, text: str) -> Path:
 
 
 @pytest.mark.long
-def test_it_is_made_once_and_again_when_the_versions_change(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_made_once_and_again_when_the_versions_change(tmp_path, monkeypatch):
     messages: list[str] = []
     trace = plant(tmp_path, "venv", "ensurepip", "pip", "json")
     monkeypatch.chdir(tmp_path)  # a working folder of somebody else's
@@ -92,9 +90,7 @@ def planted(folder: Path) -> Path:
     return python
 
 
-def test_an_environment_in_a_working_folder_is_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_environment_in_a_working_folder_is_not_run(tmp_path, monkeypatch):
     python = planted(tmp_path / "work" / FOLDER)
     (tmp_path / "work" / "deep").mkdir()
     for folder in (tmp_path / "work", tmp_path / "work" / "deep"):
@@ -105,9 +101,7 @@ def test_an_environment_in_a_working_folder_is_not_run(
 
 
 @pytest.mark.parametrize("open_to_others", [".", "bin", "bin/python"])
-def test_an_environment_that_others_can_change_is_not_run(
-    tmp_path: Path, open_to_others: str
-) -> None:
+def test_an_environment_that_others_can_change_is_not_run(tmp_path, open_to_others):
     folder = environment.environment_folder()
     python = planted(folder)
     assert python_for(packages(tmp_path, ""), print) == python
@@ -169,9 +163,7 @@ def test_it_is_fetched_once_and_then_offline(served: Path) -> None:
         (NetworkFile("@made/down", "1.0.0", "package/net.tflite", "0" * 64, 9), "404"),
     ],
 )
-def test_another_content_is_one_sentence_and_leaves_nothing(
-    served: Path, wanted: NetworkFile, why: str
-) -> None:
+def test_another_content_is_one_sentence_and_leaves_nothing(served, wanted, why):
     with pytest.raises(WorkFailed, match=why) as failed:
         fetch_networks([wanted], lambda what: None)
     assert "\n" not in str(failed.value)

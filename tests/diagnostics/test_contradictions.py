@@ -64,7 +64,7 @@ def test_a_mirrored_copy_is_the_same_take() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_another_performance_from_the_same_viewpoint_is_not(seed: int) -> None:
+def test_another_performance_from_the_same_viewpoint_is_not(seed):
     # 3 % of the size: trials of one action by one person differ by 4 % in the median
     assert same_take(performance(0.03, seed + 1), performance(), FPS, TWINS) is None
 

@@ -86,9 +86,7 @@ def test_every_format_writes_its_files_and_says_what_they_are(made, format, time
     assert frames == ([31, 21] if time == "own" else [34, 34])
 
 
-def test_a_recording_for_rerun_says_what_to_install(
-    made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_for_rerun_says_what_to_install(made, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(WorkFailed, match=r"pip install 'imocap\[rerun\]'"):
         made.export("rrd")

@@ -32,7 +32,7 @@ def motion(rng: np.random.Generator) -> np.ndarray:
     return rng.normal(scale=0.4, size=(6, 12, 3))
 
 
-def test_mpjpe_by_hand() -> None:
+def test_mpjpe_by_hand():
     # Frame 0: joints off by 30 and 50 mm (3-4-5 triangle), frame 1: 0 and 20 mm -> (40 + 10) / 2.
     true = np.zeros((2, 2, 3))
     predicted = np.array([[[0.03, 0, 0], [0, 0.03, 0.04]], [[0, 0, 0], [0, 0, -0.02]]])
@@ -50,7 +50,7 @@ def test_missing_joint_leaves_its_frame_mean_to_the_others() -> None:
     assert np.isnan(mpjpe_mm(predicted * np.nan, true))
 
 
-def test_scaled_by_hand() -> None:
+def test_scaled_by_hand():
     # Truth has norm 5, prediction norm 10 in another direction: halved, then sqrt(2) * 5 apart.
     true = np.array([[[3.0, 4.0, 0.0]]])
     predicted = np.array([[[-8.0, 6.0, 0.0]]])
@@ -86,7 +86,7 @@ def test_pa_does_not_forgive_a_mirror_image(motion: np.ndarray) -> None:
     assert pa_mpjpe_mm(motion * [-1, 1, 1], motion) > 100
 
 
-def test_acceleration_by_hand() -> None:
+def test_acceleration_by_hand():
     # x = 0.5 a t^2 with a = 2 m/s^2 against rest, at 10 frames a second.
     seconds = np.arange(5) / 10
     predicted = np.zeros((5, 1, 3))

@@ -89,7 +89,7 @@ def test_seventeen_joints_by_hand(joints: np.ndarray) -> None:
     assert rows["mpjpe_14_mm"].value == pytest.approx(0, abs=1e-9)
 
 
-def test_sync_rows_of_equal_clocks() -> None:
+def test_sync_rows_of_equal_clocks():
     # Equal frame numbers correspond; the map is 2 frames late throughout.
     frames = np.arange(10, 20)
     rows = _by_metric(

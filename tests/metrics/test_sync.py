@@ -39,7 +39,7 @@ def test_true_position_interpolates_and_has_no_counterpart_outside() -> None:
     np.testing.assert_array_equal(frames, [np.nan, 5, 7.5, 15, np.nan])
 
 
-def test_errors_by_hand() -> None:
+def test_errors_by_hand():
     # Phases 20 and 35 lie at reference frames 7 and 8.5; matched at 8 and 8: off by 1 and 0.5
     # frames, by 10 and 5 of 200 in phase.
     errors = _errors([8, 8], [20, 35])
@@ -95,7 +95,7 @@ def test_consistent_maps_come_back_to_where_they_started(videos: int) -> None:
     assert np.isnan(cycle_residual_frames({}))
 
 
-def test_cycle_residual_by_hand() -> None:
+def test_cycle_residual_by_hand():
     # There: frame t to t + 1 (the last stays); back: t to t. So all but one of the frames that
     # start in either video come back one too far, the other comes back at once.
     nearest = {(0, 1): np.array([1, 2, 3, 4, 5, 5]), (1, 0): np.arange(6)}
@@ -113,7 +113,7 @@ def test_misuse_is_named() -> None:
         sync_errors(two, one, two, two, 1)
 
 
-def test_a_repeated_reference_frame_is_no_fault() -> None:
+def test_a_repeated_reference_frame_is_no_fault():
     # The reference shows phase 10 twice: a frame of phase 10 may be matched to either.
     for matched in (1, 2):
         errors = sync_errors(

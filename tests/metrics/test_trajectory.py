@@ -30,7 +30,7 @@ def path() -> np.ndarray:
     return np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=(50, 3)), axis=0)
 
 
-def test_path_error_by_hand() -> None:
+def test_path_error_by_hand():
     # True path 0, 1 m; predicted 0, 2 m: with centroids together each end is 0.5 m off.
     true, predicted = np.zeros((2, 3)), np.zeros((2, 3))
     true[1, 2], predicted[1, 2] = 1, 2
@@ -53,7 +53,7 @@ def test_missing_frames_are_left_out(path: np.ndarray) -> None:
     assert np.isnan(root_path_aligned_error_mm(path * np.nan, path))
 
 
-def test_sliding_by_hand() -> None:
+def test_sliding_by_hand():
     # The left foot stands all along and is predicted to creep 2 mm a frame at 25 frames a second;
     # the right foot strides through the air.
     true = np.zeros((10, 2, 3))
@@ -108,7 +108,7 @@ def test_angle_by_hand() -> None:
     )
 
 
-def test_camera_error_by_hand() -> None:
+def test_camera_error_by_hand():
     # Truth: the camera looks 90 degrees from the reference; recovered: 83 about the same axis.
     error = camera_rotation_error_deg(_turn("y", 83), np.eye(3), _turn("y", 90), np.eye(3))
     assert error == pytest.approx(7)
@@ -135,7 +135,7 @@ def test_camera_error_does_not_see_the_choice_of_either_world() -> None:
 K = np.array([[100.0, 0, 50], [0, 100, 40], [0, 0, 1]])
 
 
-def test_reprojection_by_hand() -> None:
+def test_reprojection_by_hand():
     # (1, 0, 2) lands on (100, 40); seen 3 right and 4 below.
     points = np.array([[[1.0, 0, 2], [0, 0, 5]]])
     detected = np.array([[[103.0, 44], [50, 50]]])
@@ -193,9 +193,7 @@ def _moved(x: np.ndarray, scale: float = 1.0) -> np.ndarray:
     return scale * x @ R.T + [3.0, -1.0, 2.0]
 
 
-def test_both_forgive_one_similarity_of_a_segment(
-    joints: np.ndarray, rng: np.random.Generator
-) -> None:
+def test_both_forgive_one_similarity_of_a_segment(joints, rng):
     predicted = joints + rng.normal(scale=0.02, size=joints.shape)
     parts = [_moved(predicted[:SEGMENT], 1.6), predicted[SEGMENT:] - 4]
     moved = np.concatenate(parts)
@@ -205,7 +203,7 @@ def test_both_forgive_one_similarity_of_a_segment(
     assert 5 < wa_mpjpe_mm(predicted, joints) < w_mpjpe_mm(predicted, joints)
 
 
-def test_w_mpjpe_counts_all_that_moves_after_two_frames() -> None:
+def test_w_mpjpe_counts_all_that_moves_after_two_frames():
     # The first two frames agree; afterwards the prediction is 60 mm off: 98 of 100 frames.
     true = np.tile(np.random.default_rng(1).normal(size=(1, 5, 3)), (SEGMENT, 1, 1))
     predicted = true.copy()
@@ -224,7 +222,7 @@ def test_each_segment_is_aligned_anew() -> None:
     assert wa_mpjpe_mm(predicted, true) > 5
 
 
-def test_rte_by_hand() -> None:
+def test_rte_by_hand():
     # A path of 4 m out and back; the prediction turns round 0.6 m beside the end. Rigid alignment
     # of three points in a line cannot mend the length: mean error over the path's length.
     true = np.array([[0.0, 0, 0], [2, 0, 0], [0, 0, 0]])
@@ -240,7 +238,7 @@ def test_rte_forgives_a_rigid_motion_not_scale(joints: np.ndarray) -> None:
     assert np.isnan(rte_pct(path, np.zeros_like(path)))
 
 
-def test_jitter_by_hand() -> None:
+def test_jitter_by_hand():
     # x = t^3 has the jerk 6 m/s^3; third differences of a cubic are exact.
     seconds = np.arange(8) / 25
     joints = np.zeros((8, 1, 3))
@@ -260,7 +258,7 @@ def test_jitter_forgives_acceleration_and_gaps(joints: np.ndarray) -> None:
     assert jitter_10m_s3(jump, gap, 30.0) == 0
 
 
-def test_foot_sliding_by_hand() -> None:
+def test_foot_sliding_by_hand():
     # One point stands and is predicted to creep 3 mm a frame; the other strides 50 mm a frame.
     true = np.zeros((10, 2, 3))
     true[:, 1, 0] = 0.05 * np.arange(10)

@@ -46,9 +46,7 @@ def test_a_joint_that_is_no_anchor_has_its_whole_error(joints: np.ndarray) -> No
     np.testing.assert_allclose(errors, [0, 0, 0, 0, 0, 50], atol=1e-9)
 
 
-def test_alignment_forgives_a_similarity_of_each_frame(
-    joints: np.ndarray, rng: np.random.Generator
-) -> None:
+def test_alignment_forgives_a_similarity_of_each_frame(joints, rng):
     predicted = joints + rng.normal(scale=0.05, size=joints.shape)
     errors = aligned_joint_errors_mm(predicted, joints, ANCHORS)
     again = aligned_joint_errors_mm(_moved(predicted, rng), joints, ANCHORS)
@@ -63,7 +61,7 @@ def test_a_missing_joint_is_nan(joints: np.ndarray) -> None:
     np.testing.assert_array_equal(np.isnan(errors), [False] * 4 + [True, False])
 
 
-def test_pve_by_hand() -> None:
+def test_pve_by_hand():
     # Vertices off by 30 and 50 mm once the root, 1 m away, is taken off.
     true = np.zeros((1, 2, 3))
     predicted = np.array([[[0.03, 0, 1], [0, 0.03, 1.04]]])
@@ -86,9 +84,7 @@ def test_pa_pve_forgives_a_similarity(joints: np.ndarray, rng: np.random.Generat
     assert pa_pve_mm(joints * [-1, 1, 1], joints) > 50
 
 
-def test_vertex_distances_are_joint_errors_about_the_roots(
-    joints: np.ndarray, rng: np.random.Generator
-) -> None:
+def test_vertex_distances_are_joint_errors_about_the_roots(joints, rng):
     predicted = joints + rng.normal(scale=0.05, size=joints.shape)
     roots = predicted[:, 0], joints[:, 0]
     expected = joint_errors_mm(predicted - roots[0][:, None], joints - roots[1][:, None])
@@ -111,7 +107,7 @@ def test_a_turn_about_one_axis_is_its_angle(angle: float) -> None:
     assert rotation_errors_deg(turned, np.eye(3)) == pytest.approx(angle, rel=1e-6, abs=1e-6)
 
 
-def test_means_by_hand() -> None:
+def test_means_by_hand():
     # Joint 0: 10 and 30 degrees; joint 1: 0 and 20.
     angles = np.array([[10.0, 0.0], [30.0, 20.0]])
     predicted = Rotation.from_euler("x", angles.reshape(-1, 1), degrees=True).as_matrix()
@@ -160,7 +156,7 @@ def test_every_edge_counts_once() -> None:
     assert edges_of(FACES).shape == (12 + 6, 2)  # edges and one diagonal a square
 
 
-def test_share_by_hand() -> None:
+def test_share_by_hand():
     # Twice as high: 4 edges of height are 100 % longer, 4 upright diagonals 58 %, 10 others not.
     high = CUBE * [1.0, 1.0, 2.0]
     shares = stretched_edge_shares(np.stack([CUBE, high, 1.3 * CUBE]), CUBE, edges_of(FACES))
@@ -203,7 +199,7 @@ def test_volume_of_a_closed_cube() -> None:
     assert abs(volume) == pytest.approx(8.0)
 
 
-def test_open_ends_are_closed_separately() -> None:
+def test_open_ends_are_closed_separately():
     # A tube of square section, open at both ends (x = 0 and x = 1).
     tube = FACES[4:]
     faces, ends = closed_part(tube, np.ones(8, dtype=bool))

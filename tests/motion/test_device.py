@@ -18,7 +18,6 @@ from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_h
 from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.normal import solve_globals
-from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.workers import serial_map
@@ -78,9 +77,7 @@ def test_a_homeless_tensor_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("name", [*TERMS, "with_rigid_offsets"])
-def test_terms_make_their_tensors_where_the_state_is(
-    body: Body, state: MotionState, name: str
-) -> None:
+def test_terms_make_their_tensors_where_the_state_is(body, state, name):
     term = {**TERMS, "with_rigid_offsets": with_rigid_offsets}[name](body, state)
     with Homeless() as watch:
         term.cost(state)

@@ -87,9 +87,7 @@ def test_a_motion_alone_is_linearised_in_halves_that_add_up(made: Made) -> None:
 
 @pytest.mark.parametrize("motions", [1, 2])
 @pytest.mark.parametrize("shared", [False, True])
-def test_the_number_of_cores_changes_nothing(
-    made: Made, motions: int, shared: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_number_of_cores_changes_nothing(made, motions, shared, monkeypatch):
     start = disturbed(made.state, 0.1).rows(torch.zeros(motions, dtype=torch.long))
     terms, found = terms_of(made, start), []
     for count in (1, 2):
@@ -148,9 +146,7 @@ def test_one_body_stays_one_body_with_every_solver(made: Made) -> None:
         assert not torch.equal(found.betas, start.betas)
 
 
-def test_equations_that_are_not_held_give_the_same_steps(
-    made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_equations_that_are_not_held_give_the_same_steps(made, monkeypatch):
     both = made.state.rows(torch.tensor([0, 0]))
     start, terms = disturbed(both, 0.3), terms_of(made, both)
     held = gauss_newton(terms, start, max_steps=6, shared_globals=True)

@@ -79,9 +79,7 @@ def test_twice_is_once(motion: tuple[np.ndarray, np.ndarray]) -> None:
 
 
 @pytest.mark.parametrize("sd_mm", [np.nan, 100.0])
-def test_an_unknown_ground_moves_nothing(
-    motion: tuple[np.ndarray, np.ndarray], sd_mm: float
-) -> None:
+def test_an_unknown_ground_moves_nothing(motion, sd_mm):
     ground = replace(ground_below_wrists(motion[1], 0.0), height_sd_mm=sd_mm)
     np.testing.assert_array_equal(hands_on_ground(BODY, *motion, ground)[0], motion[0])
 

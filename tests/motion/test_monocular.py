@@ -87,9 +87,7 @@ def small_library(body: Body) -> Library:
     return make_library(body, load_pose_prior(), rng, poses=40, directions=4)
 
 
-def test_library_poses_are_found_again_from_the_joints_that_are_there(
-    body: Body, small_library: Library
-) -> None:
+def test_library_poses_are_found_again_from_the_joints_that_are_there(body, small_library):
     rng = np.random.default_rng(1)
     turn = exp(torch.as_tensor(rng.normal(size=(5, 3))))
     joints = (small_library.joints[:5] @ turn.transpose(-1, -2)).numpy() + rng.normal(
@@ -130,9 +128,7 @@ IN_PIECES = [
 
 
 @pytest.mark.parametrize("name", IN_PIECES)
-def test_equations_in_pieces_are_those_of_the_whole(
-    body: Body, state: MotionState, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_equations_in_pieces_are_those_of_the_whole(body, state, monkeypatch, name):
     make = {**TERMS, "with_rigid_offsets": with_rigid_offsets}[name]
     whole = linearise([make(body, state)], state)
     monkeypatch.setattr(base, "PIECE", 2)
@@ -142,9 +138,7 @@ def test_equations_in_pieces_are_those_of_the_whole(
         assert torch.allclose(found, expected, rtol=1e-10, atol=1e-9), field.name
 
 
-def test_one_long_motion_after_another_gives_the_same_steps(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_one_long_motion_after_another_gives_the_same_steps(monkeypatch):
     made = scene(11, [0.0], np.random.default_rng(3))
     start = disturbed(made.state.rows(torch.tensor([0, 0])), 0.1)
     two = made.observations * 2

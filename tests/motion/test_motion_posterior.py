@@ -132,9 +132,7 @@ def test_the_gain_follows_the_whole_of_the_coupling(given: tuple[Scene, JointMot
     assert float(pull[:, elbow, shoulder].abs().max()) > 0.1 * float(pull[:, elbow, elbow].max())
 
 
-def test_the_covariance_in_camera_axes_is_the_numeric_derivative(
-    given: tuple[Scene, JointMotion],
-) -> None:
+def test_the_covariance_in_camera_axes_is_the_numeric_derivative(given):
     all_, result = given
     evidence = common_evidence(all_, result, OPTIONS)
     posterior = common_posterior(WHITE.scene(all_, 1), evidence, WHITE)

@@ -185,18 +185,14 @@ def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> No
 
 
 @pytest.mark.parametrize("angle_rad", [1.5, np.pi])
-def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(
-    made: Made, angle_rad: float
-) -> None:
+def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(made, angle_rad):
     wrong = turned(in_own_axes(made), angle_rad)
     alike = weights(whole(made), made, wrong)
     torch.testing.assert_close(alike, torch.ones_like(alike))
 
 
 @pytest.mark.parametrize("restart", [False, True])
-def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
-    made: Made, restart: bool
-) -> None:
+def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(made, restart):
     true = in_own_axes(made)
     spread = DeviationSpread(np.full((3, FRAMES, 25), 0.03), initial_offset_sd(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
@@ -209,9 +205,7 @@ def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
 
 @pytest.mark.long
 @pytest.mark.parametrize("turns_deg", [[0.0, 80.0, -70.0, 160.0], [0.0, 80.0]])
-def test_smpl_ba_from_one_reversed_view_ends_like_the_undisturbed_one(
-    turns_deg: list[float],
-) -> None:
+def test_smpl_ba_from_one_reversed_view_ends_like_the_undisturbed_one(turns_deg):
     made = scene(FRAMES, turns_deg, np.random.default_rng(5))
     true = in_own_axes(made)
     start = disturbed(true, 0.03)

@@ -29,9 +29,7 @@ def test_no_joint_of_one_motion_is_surer_than_its_place_in_the_body() -> None:
 
 
 @pytest.mark.parametrize("one_motion", [False, True])
-def test_lasting_errors_of_a_detector_are_left_of_one_motion_and_of_several(
-    one_motion: bool,
-) -> None:
+def test_lasting_errors_of_a_detector_are_left_of_one_motion_and_of_several(one_motion):
     given = posterior()
     claimed = claimed_covariance_m2(given, one_motion=one_motion, lasting_sd_m=0.01)
     several = claimed_covariance_m2(given, one_motion=False)

@@ -87,9 +87,7 @@ def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
 
 
 @pytest.mark.parametrize("objective", ["shared", *OTHERS])
-def test_the_views_together_beat_the_start(
-    made: Made, solved: Callable[[str], JointMotion], objective: str
-) -> None:
+def test_the_views_together_beat_the_start(made, solved, objective):
     truth = in_own_axes(made)
     start, found = disturbed(truth, 0.12), solved(objective)
     before, after = (mpjpe_mm(made.body, s, truth) for s in (start, found.state))
@@ -99,9 +97,7 @@ def test_the_views_together_beat_the_start(
 
 
 @pytest.mark.parametrize("objective", ["shared", OTHERS[1]])
-def test_a_round_goes_on_where_the_one_before_stopped(
-    made: Made, solved: Callable[[str], JointMotion], objective: str
-) -> None:
+def test_a_round_goes_on_where_the_one_before_stopped(made, solved, objective):
     truth, scene, first = in_own_axes(made), whole(made), solved(objective)
     options = replace(OPTIONS, objective=objective)
     said: list[str] = []
@@ -113,9 +109,7 @@ def test_a_round_goes_on_where_the_one_before_stopped(
 
 
 @pytest.mark.long
-def test_a_round_afresh_passes_all_robust_scales_and_needs_no_coupled_fit(
-    made: Made, solved: Callable[[str], JointMotion]
-) -> None:
+def test_a_round_afresh_passes_all_robust_scales_and_needs_no_coupled_fit(made, solved):
     truth, scene, first = in_own_axes(made), whole(made), solved("shared")
     said: list[str] = []
     again = recover_motion(
@@ -165,9 +159,7 @@ def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> No
 
 
 @pytest.mark.long
-def test_a_round_from_cameras_that_are_wrong_finds_them(
-    made: Made, solved: Callable[[str], JointMotion]
-) -> None:
+def test_a_round_from_cameras_that_are_wrong_finds_them(made, solved):
     scene, first = whole(made), solved("shared")
     turn = exp(torch.tensor([0.0, 0.1, 0.0], dtype=torch.float64))
     wrong = replace(first.cameras, R=torch.cat([first.cameras.R[:1], turn @ first.cameras.R[1:]]))
@@ -279,9 +271,7 @@ def declared(two_performers: Made) -> JointMotion:
 
 
 @pytest.mark.long
-def test_each_performer_has_one_shape_of_their_own(
-    two_performers: Made, declared: JointMotion
-) -> None:
+def test_each_performer_has_one_shape_of_their_own(two_performers, declared):
     betas = declared.state.betas
     assert torch.equal(betas[0], betas[2])
     assert torch.equal(betas[1], betas[3])
@@ -293,9 +283,7 @@ def test_each_performer_has_one_shape_of_their_own(
 
 
 @pytest.mark.long
-def test_declared_performers_are_recovered_better_than_one_body(
-    two_performers: Made, declared: JointMotion
-) -> None:
+def test_declared_performers_are_recovered_better_than_one_body(two_performers, declared):
     one = replace(
         two_performers, observations=[replace(o, performer=0) for o in two_performers.observations]
     )
@@ -308,9 +296,7 @@ def test_declared_performers_are_recovered_better_than_one_body(
 
 
 @pytest.mark.long
-def test_the_order_of_performers_does_not_count(
-    two_performers: Made, declared: JointMotion
-) -> None:
+def test_the_order_of_performers_does_not_count(two_performers, declared):
     others = [replace(o, performer=1 - o.performer) for o in two_performers.observations]
     turned = recover_motion(
         whole(replace(two_performers, observations=others)), start_of(two_performers), OPTIONS
@@ -319,9 +305,7 @@ def test_the_order_of_performers_does_not_count(
 
 
 @pytest.mark.long
-def test_every_performer_s_uncertainty_is_finite(
-    two_performers: Made, declared: JointMotion
-) -> None:
+def test_every_performer_s_uncertainty_is_finite(two_performers, declared):
     posterior = motion_posterior(
         whole(two_performers), declared, OPTIONS, Noise(UncertaintyParams())
     )

@@ -194,9 +194,7 @@ def test_rigid_offsets_leave_the_gradient_that_of_the_cost(body: Body, state: Mo
         assert float(error) < 0.02  # the root's own shape is left out
 
 
-def test_rigid_offsets_of_a_rotated_and_translated_performance_are_recovered(
-    body: Body, state: MotionState
-) -> None:
+def test_rigid_offsets_of_a_rotated_and_translated_performance_are_recovered(body, state):
     xyz = body.positions(body.keypoints, state).xyz
     pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
     true = normal(B, T, 6, seed=21, spread=0.03)

@@ -135,9 +135,7 @@ def test_the_axis_is_continued_as_far_as_two_videos_reach(made: Made) -> None:
 
 
 @pytest.mark.parametrize(("confidence", "others"), [(0.0, (1, 2)), (0.8, (1,)), (0.8, ())])
-def test_what_one_video_alone_shows_is_not_on_it(
-    made: Made, confidence: float, others: tuple[int, ...]
-) -> None:
+def test_what_one_video_alone_shows_is_not_on_it(made, confidence, others):
     given = shorter(made, confidence, others)
     same, axis = continued(given)
     assert same is given

@@ -265,8 +265,8 @@ def test_right_tracks_stay() -> None:
     ("clothes_of_other", "lengths"), [(BLUE, [40, 60]), (RED, [20, 60, 20])], ids=["other", "same"]
 )
 def test_who_comes_back_elsewhere_is_joined_by_looks_where_nobody_else_looks_so(
-    clothes_of_other: tuple[int, int, int], lengths: list[int]
-) -> None:
+    clothes_of_other, lengths
+):
     shown = [picture([(150 if t < 25 else 520, RED), (300, clothes_of_other)], t) for t in FRAMES]
     gone = PersonTrack(list(range(20)), [pose(150)] * 20)
     back = PersonTrack(list(range(40, 60)), [pose(520)] * 20)

@@ -44,9 +44,7 @@ def test_the_tolerance_is_the_wider_of_share_and_least() -> None:
         (math.nan, 0.9, {"error_mm"}),
     ],
 )
-def test_a_loss_beyond_the_tolerance_is_a_regression(
-    error_mm: float, share: float, regressions: set[str]
-) -> None:
+def test_a_loss_beyond_the_tolerance_is_a_regression(error_mm, share, regressions):
     verdicts = compare(MADE_UP, "walk", {"after loop": {"error_mm": error_mm, "share": share}})
     assert {v.metric for v in lost(verdicts)} == regressions
 

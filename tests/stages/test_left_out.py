@@ -128,9 +128,7 @@ def test_a_wrong_estimate_leaves_its_video_out(others: Others, case: str) -> Non
     ("kind", "arrays"),
     [("joints_npz", {"joints": JOINTS}), ("smpl_npz", {"poses": POSES, "trans": PLACES})],
 )
-def test_a_usable_estimate_changes_nothing_else(
-    tmp_path: Path, kind: str, arrays: dict[str, np.ndarray]
-) -> None:
+def test_a_usable_estimate_changes_nothing_else(tmp_path, kind, arrays):
     write_estimate(tmp_path / "estimate.npz", arrays)
     video = declared(tmp_path, "v1", initial="estimate.npz", initial_format=kind)
     result = run(tmp_path, video)

@@ -100,9 +100,7 @@ def test_a_person_is_named_in_one_way(given: dict[str, object], message: str) ->
 
 
 @pytest.mark.parametrize(("layouts", "frames"), [(("mediapipe33",), 0), (("coco17",), 3)])
-def test_by_default_sides_are_put_back_for_detectors_that_swap_them(
-    layouts: tuple[str, ...], frames: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_by_default_sides_are_put_back_for_detectors_that_swap_them(layouts, frames, monkeypatch):
     monkeypatch.setattr("imocap_core.adapters.tracked_people.SWAPPING_LAYOUTS", layouts)
     wrong = PERFORMER.copy()
     for left, right in ((11, 12), (13, 14), (15, 16)):

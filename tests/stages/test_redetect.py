@@ -75,9 +75,7 @@ def run(made: Made, detected: Sequence[str], params: Params = Params()) -> Redet
     return result
 
 
-def test_contradicted_pictures_are_looked_at_and_the_joint_moves(
-    made: Made, asked: list[KnownPlaces]
-) -> None:
+def test_contradicted_pictures_are_looked_at_and_the_joint_moves(made, asked):
     result = run(made, made.ids)
     (question,) = asked
     assert (question.video.name, question.frames.tolist()) == ("v2.mp4", [6, 7, 8])  # of the file
@@ -88,9 +86,7 @@ def test_contradicted_pictures_are_looked_at_and_the_joint_moves(
     np.testing.assert_allclose(video.xy_px, question.xy_px[:, WRIST])
 
 
-def test_nobody_looks_where_nothing_contradicts_or_our_detector_did_not(
-    made: Made, asked: list[KnownPlaces]
-) -> None:
+def test_nobody_looks_where_nothing_contradicts_or_our_detector_did_not(made, asked):
     plain = Made(count=3)
     assert run(plain, plain.ids) == Redetect(videos=[], note=redetect.NOTHING)
     assert run(made, ["v1", "v3"]) == Redetect(videos=[], note=redetect.NOTHING)
@@ -100,9 +96,7 @@ def test_nobody_looks_where_nothing_contradicts_or_our_detector_did_not(
     assert asked == []
 
 
-def test_a_detector_that_cannot_be_set_up_says_how_to_go_on(
-    made: Made, asked: list[KnownPlaces], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_detector_that_cannot_be_set_up_says_how_to_go_on(made, asked, monkeypatch):
     def broken(*_: Any) -> Path:
         raise WorkFailed("no Python 3.11")
 

@@ -122,9 +122,7 @@ def with_noise(videos: list[ScreenedVideo], share: float) -> list[ScreenedVideo]
 
 @pytest.mark.long
 @pytest.mark.parametrize(("asymmetry", "both"), [(0.12, ()), (0.3, (1, 3))])
-def test_two_mirrored_videos_have_to_be_clearer_than_one(
-    asymmetry: float, both: tuple[int, ...]
-) -> None:
+def test_two_mirrored_videos_have_to_be_clearer_than_one(asymmetry, both):
     half = motion_of(4)
     symmetric = 0.5 * (half + mirrored_poses(half, TWINS))
     videos = with_noise(videos_of(asymmetry * half + (1 - asymmetry) * symmetric), 0.03)
@@ -142,9 +140,7 @@ def lastingly_wrong(video: ScreenedVideo, share: float, seed: int) -> ScreenedVi
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
-def test_a_symmetric_action_is_never_mirrored_however_precise_or_wrong_its_videos(
-    seed: int,
-) -> None:
+def test_a_symmetric_action_is_never_mirrored_however_precise_or_wrong_its_videos(seed):
     half = motion_of(4 + seed)
     videos = videos_of(0.5 * (half + mirrored_poses(half, TWINS)))
     wrong = [lastingly_wrong(v, 0.02, 10 * seed + k) for k, v in enumerate(videos)]

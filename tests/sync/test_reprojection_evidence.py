@@ -117,9 +117,7 @@ def test_reprojection_sharpens_a_blurred_map() -> None:
 @pytest.mark.parametrize(
     ("videos", "frames_off", "wrong"), [(2, 10, 0), (2, 10, 1), (3, 3, 1), (3, 30, 0)]
 )
-def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(
-    videos: int, frames_off: int, wrong: int
-) -> None:
+def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(videos, frames_off, wrong):
     """As in the loop: each pose was found where its frame was taken to lie."""
     frames, rng = 121, np.random.default_rng(20)
     phase = np.linspace(0, 6, frames)
@@ -185,9 +183,7 @@ def test_the_current_moment_of_a_frame_does_not_bias_its_counterpart(off: int) -
 
 
 @pytest.mark.parametrize("block", [256, 4])
-def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression(
-    block: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression(block, monkeypatch):
     """Against a ridge regression for each frame and moment."""
     monkeypatch.setattr(offset_squares, "TEMPLATES", block)
     monkeypatch.setattr(offset_squares, "FRAMES", block)

@@ -117,9 +117,7 @@ def costs() -> np.ndarray:
 
 
 @pytest.mark.parametrize("at_once", [1 << 20, 3 * S])
-def test_distances_near_a_map_are_those_of_all(
-    at_once: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_distances_near_a_map_are_those_of_all(at_once, monkeypatch):
     monkeypatch.setattr(template, "ENTRIES_AT_ONCE", at_once)
     squares = costs()
     squares[7] = np.nan
@@ -131,9 +129,7 @@ def test_distances_near_a_map_are_those_of_all(
     np.testing.assert_array_equal(nearby.least, squares.min(axis=1))
 
 
-def test_of_very_many_positions_every_nth_is_compared_and_all_near_ones(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_very_many_positions_every_nth_is_compared_and_all_near_ones(monkeypatch):
     monkeypatch.setattr(template, "ALL_COMPARED", N * S // 4)
     squares, compared = costs(), []
 
