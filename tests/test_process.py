@@ -23,6 +23,7 @@ print(json.dumps([before, after, torch.get_num_threads(), cv2.getNumThreads()]))
 """
 
 
+@pytest.mark.long
 def test_linear_algebra_has_one_thread_where_a_run_begins() -> None:
     environment = {**os.environ, "OMP_NUM_THREADS": "3", "OPENBLAS_NUM_THREADS": "3"}
     done = subprocess.run(

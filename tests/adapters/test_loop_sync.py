@@ -95,7 +95,7 @@ def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMo
     return beginning, sync, problem, motion
 
 
-@pytest.mark.parametrize("chosen", [0, 1])
+@pytest.mark.parametrize("chosen", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_the_axis_stays_on_the_same_video_and_where_single_motions_tell_another_cycle(
     made, choose, monkeypatch, chosen
 ):

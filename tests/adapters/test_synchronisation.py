@@ -117,6 +117,7 @@ def filmed(keypoints: Keypoints, joints: list[np.ndarray], azimuths: list[float]
     return Keypoints(videos=videos)
 
 
+@pytest.mark.long
 def test_keypoints_that_the_others_explain_keep_a_video_in() -> None:
     """Its monocular poses went wrong, as those of another action; its pictures did not."""
     ids, sides = ["a", "b", "c", "d"], [0.0, 1.3, 2.6, 4.0]

@@ -53,15 +53,13 @@ EXECUTORS = [
     ["processes", "--workers", "2"],
     pytest.param(
         ["dask", "--workers", "2"],
-        marks=[
-            pytest.mark.skipif(not HAS_DASK, reason="the extra dask is not installed"),
-            pytest.mark.long,
-        ],
+        marks=pytest.mark.skipif(not HAS_DASK, reason="the extra dask is not installed"),
     ),
 ]
 
 
 @pytest.mark.parametrize("executor", EXECUTORS)
+@pytest.mark.long
 def test_several_at_once_give_and_publish_what_single_runs_give_whatever_fails_beside_them(
     toy, capsys, tmp_path, executor
 ):

@@ -222,6 +222,7 @@ def test_claims_are_held_against_the_errors(scored: Evaluate, folder: Path) -> N
     assert any(t.title == "Observability" for t in result.tables)
 
 
+@pytest.mark.long
 def test_report_is_whole_and_repeats_itself(made, scored, folder, tmp_path):
     first, report = evaluate(tmp_path, made, truth=True, figures=True), tmp_path / "r"
     assert sorted(p.name for p in report.iterdir()) == first.files

@@ -139,7 +139,8 @@ def lastingly_wrong(video: ScreenedVideo, share: float, seed: int) -> ScreenedVi
     return ScreenedVideo(video.motion, Keypoints2D(k.xy_px + error, k.weight))
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
 def test_a_symmetric_action_is_never_mirrored_however_precise_or_wrong_its_videos(seed):
     half = motion_of(4 + seed)
     videos = videos_of(0.5 * (half + mirrored_poses(half, TWINS)))

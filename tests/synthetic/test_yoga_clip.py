@@ -44,6 +44,7 @@ def quick(clips, shaped, first_pictures, monkeypatch):
     monkeypatch.setattr(demo, "pictures", lambda clip, seed, index, body: first_pictures[index])
 
 
+@pytest.mark.long
 def test_readers_find_what_the_clips_contain(quick, clips, shaped, tmp_path):
     messages: list[str] = []
     demo.make_demo("yoga", tmp_path / "yoga", SEED, messages.append)
