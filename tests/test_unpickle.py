@@ -5,23 +5,13 @@ What it refuses in results' and body models' files is tested in tests/io and tes
 import pickle
 import sys
 import types
-from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse
 
 from imocap_core.unpickle import UNREADABLE, InertObject, load_pickle
-
-
-class Reduced:
-    """Pickles as a call of a function with arguments and a state of one's choice."""
-
-    def __init__(self, *reduced: Any) -> None:
-        self.reduced = reduced
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.reduced
+from tests.reduced import Reduced
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4])

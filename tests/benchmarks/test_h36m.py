@@ -149,25 +149,6 @@ def test_files_that_share_nothing_are_named(tmp_path: Path) -> None:
         read_h36m(tmp_path)
 
 
-class Opens:
-    """Pickles as a call that makes a file."""
-
-    def __init__(self, file: Path) -> None:
-        self.file = file
-
-    def __reduce__(self) -> tuple[Any, tuple[str, str]]:
-        return open, (str(self.file), "w")
-
-
-def test_a_pickle_that_would_run_code_is_refused_and_runs_nothing(tmp_path: Path) -> None:
-    made = tmp_path / "made"
-    evil = np.array({"S9": {"Photo": Opens(made)}}, dtype=object)
-    np.savez(tmp_path / "x.npz", positions_3d=evil)
-    with pytest.raises(ValueError, match=r"refused, it can't be read safely: it names \w+\.open"):
-        read_object(tmp_path / "x.npz", "positions_3d")
-    assert not made.exists()
-
-
 def test_what_is_no_object_array_is_named(tmp_path: Path) -> None:
     file = tmp_path / "x.npz"
     with pytest.raises(ValueError, match="no such file"):

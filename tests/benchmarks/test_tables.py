@@ -20,6 +20,7 @@ from imocap_core.cli import main
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.runner import Outcome
 from tests.benchmarks.tasks import halve
+from tests.benchmarks.test_motion import Silent
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -172,35 +173,10 @@ def test_every_name_has_its_measurement() -> None:
     assert all(f"`{folder}/`" in rows[name] for name, folder in MEASUREMENTS.items())
 
 
-class Recording:
-    """A display that remembers."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def started(self, stage: str, why: list[str]) -> None:
-        self.lines.append(f"{stage} {why}")
-
-    def progress(self, share: float, what: str) -> None:
-        self.lines.append(what)
-
-    def finished(self, outcome: Outcome) -> None:
-        self.lines.append(f"{outcome.stage} {outcome.how}")
-
-    def made_demo(self, name: str, folder: Path) -> None:
-        self.lines.append(name)
-
-    def waiting(self) -> None:
-        self.lines.append("waiting")
-
-    def notice(self, sentence: str) -> None:
-        self.lines.append(sentence)
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_every_task_ends_and_a_fault_stops_no_other(jobs: int) -> None:
     tasks = [(f"t{n}", (n,)) for n in (2, 3, 4)]
-    ended = {e.name: e for e in each(halve, tasks, jobs, Recording())}
+    ended = {e.name: e for e in each(halve, tasks, jobs, Silent())}
     assert ended["t3"].result is None
     assert ended["t3"].fault == "3 is odd"
     made = [ended[name].result for name in ("t2", "t4")]
@@ -218,7 +194,7 @@ def stop(display: object, number: int) -> int:
 
 def test_the_user_stops_everything() -> None:
     with pytest.raises(WorkFailed, match="stopped"):
-        list(each(stop, [(f"t{n}", (n,)) for n in range(3)], 1, Recording()))
+        list(each(stop, [(f"t{n}", (n,)) for n in range(3)], 1, Silent()))
 
 
 def outcome(how: str) -> Outcome:
@@ -230,7 +206,7 @@ def outcome(how: str) -> Outcome:
 
 
 def test_a_meter_keeps_the_cost_of_what_was_made(tmp_path: Path) -> None:
-    meter = Meter(Recording(), tmp_path / "costs")
+    meter = Meter(Silent(), tmp_path / "costs")
     assert meter.costs([outcome("cached")]) == {}
     meter.started("sync", [])
     meter.finished(outcome("made"))

@@ -18,6 +18,7 @@ from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS
 from imocap_core.rotations import exp
 from imocap_core.unpickle import InertObject
 from tests.body.bodies import made_body, rodrigues_naive, skin_naive
+from tests.reduced import Reduced
 
 SMPLX_PARENTS = (
     *SMPL_PARENTS[:22],
@@ -147,27 +148,16 @@ def test_faces_come_with_their_landmarks(tmp_path: Path) -> None:
     assert points.columns[points.names.index("face17")] == 23 + 17
 
 
-class Attack:
-    """A pickle that runs a command when it is read carelessly."""
-
-    def __reduce__(self) -> tuple[Any, tuple[str]]:
-        return os.system, ("exit 1",)
-
-
 def test_a_pickle_that_would_run_something_is_refused(tmp_path: Path) -> None:
-    path = write_pickle(tmp_path / "evil.pkl", {"v_template": Attack()})
+    path = write_pickle(tmp_path / "evil.pkl", {"v_template": Reduced(os.system, ("exit 1",))})
     with pytest.raises(ValueError, match=r"evil\.pkl: refused.*system"):
         load_body(path)
 
 
 @pytest.mark.parametrize("allowed", [(eval, ("1",)), (getattr, (1, "real")), (type, ("x", (), {}))])
 def test_nothing_but_arrays_is_ever_called(tmp_path: Path, allowed: tuple[Any, Any]) -> None:
-    class Sly:
-        def __reduce__(self) -> tuple[Any, Any]:
-            return allowed
-
     with pytest.raises(ValueError, match="refused"):
-        load_body(write_pickle(tmp_path / "sly.pkl", {"f": Sly()}))
+        load_body(write_pickle(tmp_path / "sly.pkl", {"f": Reduced(*allowed)}))
 
 
 @pytest.mark.usefixtures("unchecked_shapes")

@@ -18,7 +18,6 @@ from imocap_core.artifacts.schemas import (
     SyncTrust,
     Uncertainty,
     VideoKeypoints,
-    VideoTrust,
     Viewpoint,
 )
 from imocap_core.body.layouts import layout_names
@@ -38,6 +37,7 @@ from imocap_core.diagnostics.same_take import said_first
 from imocap_core.diagnostics.timing import DOUBTFUL_S, collapse_findings, event_findings
 from imocap_core.diagnostics.weak_joints import further_view, side_of
 from tests.diagnostics.test_contradictions import performance
+from tests.made_sync import trust_in
 from tests.report.made import FPS, Made
 
 
@@ -56,18 +56,11 @@ def with_sync(made: Made, **sync: Any) -> RefineSync:
 
 def trusted(made: Made, left_out_s: float = 0.01, score: float = 0.5) -> SyncTrust:
     """Phases as they are; round trips and left-out maps that agree within `left_out_s`."""
-    return SyncTrust(
-        videos=[
-            VideoTrust(
-                id=name, phase_s=frames / FPS, outlier_score=score, mirror_margin=0.2,
-                left_out_frames=left_out_s * FPS, left_out_s=left_out_s, left_out_share=1.0,
-            )
-            for name, frames in zip(made.ids, made.frames, strict=True)
-        ],
-        triples=[
-            CycleTriple(videos=made.ids, frames=left_out_s * FPS, seconds=left_out_s, share=1.0)
-        ],
-    )  # fmt: skip
+    phases = {i: frames / FPS for i, frames in zip(made.ids, made.frames, strict=True)}
+    apart = {"left_out_frames": left_out_s * FPS, "left_out_s": left_out_s}
+    trust = trust_in(phases, outlier_score=score, mirror_margin=0.2, **apart)
+    trip = CycleTriple(videos=made.ids, frames=left_out_s * FPS, seconds=left_out_s, share=1.0)
+    return trust.model_copy(update={"triples": [trip]})
 
 
 def views(made: Made, azimuths: list[float], reductions: dict[float, float]) -> Uncertainty:

@@ -14,6 +14,7 @@ from imocap_core import unpickle
 from imocap_core.io.array_files import read_results
 from tests.io import made_estimates as made
 from tests.io.test_estimators import WRITERS, read, the_file
+from tests.reduced import Reduced
 
 
 def content() -> dict[str, Any]:
@@ -72,16 +73,6 @@ def test_torch_files_of_both_kinds(new: bool, tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_results(tmp_path / "a.pt")["a"]["b"], np.eye(3))
 
 
-class Crafted:
-    """Pickles as a call of numpy's own restoring functions with arguments of one's choice."""
-
-    def __init__(self, function: Any, arguments: tuple[Any, ...], state: Any = None) -> None:
-        self.reduced = (function, arguments, state)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.reduced if self.reduced[2] is not None else self.reduced[:2]
-
-
 RECONSTRUCT, SCALAR = np.empty(0).__reduce__()[0], np.float64(0).__reduce__()[0]
 EMPTY = (np.ndarray, (0,), b"b")
 F8, OBJECT = np.dtype("f8"), np.dtype("O")
@@ -90,21 +81,21 @@ F8, OBJECT = np.dtype("f8"), np.dtype("O")
 @pytest.mark.parametrize(
     "crafted",
     [
-        Crafted(np.ndarray, ((5,),)),
-        Crafted(RECONSTRUCT, EMPTY, (1, (5,), F8, False, b"\0" * 8)),
-        Crafted(RECONSTRUCT, EMPTY, (1, (-1,), F8, False, b"\0" * 8)),
-        Crafted(RECONSTRUCT, EMPTY, (1, (2**62, 4), F8, False, b"")),
-        Crafted(RECONSTRUCT, EMPTY, (1, (1,), OBJECT, False, b"\x41" * 8)),
-        Crafted(RECONSTRUCT, EMPTY, (1, (3,), OBJECT, False, [1])),
-        Crafted(RECONSTRUCT, EMPTY, (1, "text", F8, False, b"")),
-        Crafted(SCALAR, (OBJECT, b"\x41" * 8)),
-        Crafted(SCALAR, (F8, b"\0")),
-        Crafted(np.dtype, ("f8", False, True), (3, "|", None, ("a",), {"a": (F8, 0)}, 8, 1, 0)),
-        Crafted(np.dtype, ([("a", "f8")],)),
-        Crafted(OrderedDict, (), {"keys": 1}),
+        Reduced(np.ndarray, ((5,),)),
+        Reduced(RECONSTRUCT, EMPTY, (1, (5,), F8, False, b"\0" * 8)),
+        Reduced(RECONSTRUCT, EMPTY, (1, (-1,), F8, False, b"\0" * 8)),
+        Reduced(RECONSTRUCT, EMPTY, (1, (2**62, 4), F8, False, b"")),
+        Reduced(RECONSTRUCT, EMPTY, (1, (1,), OBJECT, False, b"\x41" * 8)),
+        Reduced(RECONSTRUCT, EMPTY, (1, (3,), OBJECT, False, [1])),
+        Reduced(RECONSTRUCT, EMPTY, (1, "text", F8, False, b"")),
+        Reduced(SCALAR, (OBJECT, b"\x41" * 8)),
+        Reduced(SCALAR, (F8, b"\0")),
+        Reduced(np.dtype, ("f8", False, True), (3, "|", None, ("a",), {"a": (F8, 0)}, 8, 1, 0)),
+        Reduced(np.dtype, ([("a", "f8")],)),
+        Reduced(OrderedDict, (), {"keys": 1}),
     ],
 )
-def test_crafted_arrays_are_refused(crafted: Crafted, tmp_path: Path) -> None:
+def test_crafted_arrays_are_refused(crafted: Reduced, tmp_path: Path) -> None:
     path = tmp_path / "a.pkl"
     path.write_bytes(pickle.dumps({"a": crafted, "b": [crafted]}))
     with pytest.raises(ValueError, match="refused, it cannot be read safely"):

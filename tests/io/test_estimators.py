@@ -23,6 +23,7 @@ from imocap_core.rotations import exp
 from tests.io import made_estimates as made
 from tests.io.detector_cases import read as read_keypoints
 from tests.io.detector_cases import refused as refused_keypoints
+from tests.reduced import touching
 
 WRITERS: dict[str, Callable[..., Path]] = {
     "hmr2": made.write_phalp,
@@ -188,29 +189,19 @@ def refused(kind: str, path: Path) -> str:
     return str(message.value)
 
 
-class Evil:
-    """Makes a file when it is unpickled."""
-
-    def __init__(self, victim: Path) -> None:
-        self.victim = victim
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return (Path.touch, (self.victim,))
-
-
 @PICKLED
 @pytest.mark.parametrize("how", ["pickle", "joblib", "object array", "npy", "torch", "old torch"])
 def test_a_pickle_runs_nothing(kind: str, how: str, tmp_path: Path) -> None:
     """Whatever a file is called and however it is packed."""
     victim = tmp_path / "victim"
     path = the_file(WRITERS[kind](tmp_path))
-    content = {"poses": Evil(victim), 1: {"pose": Evil(victim)}}
+    content = {"poses": touching(victim), 1: {"pose": touching(victim)}}
     if how == "pickle":
         path.write_bytes(pickle.dumps(content))
     elif how == "joblib":
         made.dump_joblib(content, path, compress=True)
     elif how == "object array":
-        made.dump_joblib({"poses": np.array([Evil(victim)], dtype=object)}, path)
+        made.dump_joblib({"poses": np.array([touching(victim)], dtype=object)}, path)
     elif how == "npy":
         with path.open("wb") as stream:
             np.save(stream, np.array(content, dtype=object), allow_pickle=True)
@@ -220,7 +211,7 @@ def test_a_pickle_runs_nothing(kind: str, how: str, tmp_path: Path) -> None:
     assert "it names" in message
     assert "touch" in message or "Path" in message or "getattr" in message
     assert not victim.exists()
-    pickle.loads(pickle.dumps(Evil(victim)))
+    pickle.loads(pickle.dumps(touching(victim)))
     assert victim.exists()  # it would have
 
 
@@ -229,7 +220,7 @@ def test_a_storage_inside_a_pickle_runs_nothing(kind: str, tmp_path: Path) -> No
     """torch keeps a tensor's numbers in a pickle of their own, which is refused alike."""
     victim = tmp_path / "victim"
     inner = io.BytesIO()
-    torch.save(Evil(victim), inner, _use_new_zipfile_serialization=False)
+    torch.save(touching(victim), inner, _use_new_zipfile_serialization=False)
 
     class Storage:
         def __reduce__(self) -> tuple[Any, ...]:

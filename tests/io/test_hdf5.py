@@ -16,6 +16,7 @@ from imocap_core.io import array_files
 from imocap_core.io.readers.keypoint_readers import format_and_layout
 from tests.io import made_keypoints as made
 from tests.io.detector_cases import read, refused
+from tests.reduced import touching
 
 KINDS = pytest.mark.parametrize("kind", ["deeplabcut", "sleap"])
 LAYOUT = "coco17"
@@ -131,23 +132,13 @@ def test_what_unpacks_to_too_much_is_refused(h5py: Any, tmp_path: Path) -> None:
     assert "unpacks to more than" in refused(path, "sleap", LAYOUT)
 
 
-class Evil:
-    """Makes a file when it is unpickled."""
-
-    def __init__(self, victim: Path) -> None:
-        self.victim = victim
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return (Path.touch, (self.victim,))
-
-
 @pytest.mark.parametrize("name", ["info", "values_block_0_kind"])
 def test_a_pickle_among_the_attributes_runs_nothing(name: str, h5py: Any, tmp_path: Path) -> None:
     victim = tmp_path / "victim"
-    path = write_deeplabcut(h5py, tmp_path, made.people(LAYOUT), **{name: Evil(victim)})
+    path = write_deeplabcut(h5py, tmp_path, made.people(LAYOUT), **{name: touching(victim)})
     assert f"{name}: refused, it cannot be read safely" in refused(path, "deeplabcut", LAYOUT)
     assert not victim.exists()
-    pickle.loads(pickle.dumps(Evil(victim)))
+    pickle.loads(pickle.dumps(touching(victim)))
     assert victim.exists()  # it would have
 
 

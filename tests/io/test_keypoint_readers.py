@@ -4,7 +4,6 @@ import json
 import pickle
 import random
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from imocap_core.body import load_free_body
 from imocap_core.io.readers.keypoint_readers import FORMATS, format_and_layout, guess_detections
 from tests.io import made_keypoints as made
 from tests.io.detector_cases import CASES, FILES, read, refused, written
+from tests.reduced import touching
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -229,20 +229,10 @@ def test_wrong_entries_are_named(tmp_path: Path) -> None:
             read(path, "coco", "coco17")
 
 
-class Evil:
-    """Makes a file when it is unpickled."""
-
-    def __init__(self, victim: Path) -> None:
-        self.victim = victim
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return (Path.touch, (self.victim,))
-
-
 def evil_npz(folder: Path, array: str, victim: Path) -> Path:
     path = folder / "evil.npz"
     arrays = {name: np.array({}, dtype=object) for name in ("positions_2d", "metadata")}
-    arrays[array] = np.array({"S1": Evil(victim)}, dtype=object)
+    arrays[array] = np.array({"S1": touching(victim)}, dtype=object)
     np.savez(path, **arrays)
     return path
 
@@ -255,7 +245,7 @@ def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="refused, it can't be read safely"):
         read(path, *format_and_layout(path, "cpn_npz", layouts))
     assert not victim.exists()
-    pickle.loads(pickle.dumps(Evil(victim)))
+    pickle.loads(pickle.dumps(touching(victim)))
     assert victim.exists()  # it would have
 
 
