@@ -327,50 +327,35 @@ def difference(
     return Difference(np.rad2deg(angle), 1000 * distance, ratio)
 
 
-_OF_SIDES = (
-    "hip_flexion",
-    "hip_adduction",
-    "knee_flexion",
-    "ankle_dorsiflexion",
-    "shoulder_elevation",
-    "elbow_flexion",
-)
-SHOWN = (
-    *(f"{side}_{name}" for name in _OF_SIDES for side in ("left", "right")),
-    "trunk_flexion",
-    "trunk_right_bending",
-    "trunk_left_rotation",
-    "pelvis_tilt",
-)
+# a joint angle -> in plain words, and of a body with more and with less of it
+_WORDS = {
+    "hip_flexion": ("hip bend", "{} more flexed", "{} more extended"),
+    "hip_adduction": ("thigh inward", "{} further in", "{} further out to the side"),
+    "knee_flexion": ("knee bend", "{} more bent", "{} straighter"),
+    "ankle_dorsiflexion": ("foot pulled up", "{} more pulled up", "{} more pointed"),
+    "shoulder_elevation": ("arm raised", "raised {} higher", "raised {} less"),
+    "elbow_flexion": ("elbow bend", "{} more bent", "{} straighter"),
+}
+_TRUNK_WORDS = {
+    "trunk_flexion": ("trunk bent forward", "bent {} further forward", "bent {} further back"),
+    "trunk_right_bending": (
+        "trunk bent to the right",
+        "bent {} further to the right",
+        "bent {} further to the left",
+    ),
+    "trunk_left_rotation": (
+        "trunk turned to the left",
+        "turned {} further to the left",
+        "turned {} further to the right",
+    ),
+    "pelvis_tilt": ("pelvis tilted forward", "tilted {} further forward", "tilted {} further back"),
+}
+SHOWN = (*(f"{side}_{name}" for name in _WORDS for side in ("left", "right")), *_TRUNK_WORDS)
 """Those that keypoints of a body determine and that have one plain meaning."""
 
-_MORE_AND_LESS = {
-    "knee_flexion": ("{} more bent", "{} straighter"),
-    "elbow_flexion": ("{} more bent", "{} straighter"),
-    "hip_flexion": ("{} more flexed", "{} more extended"),
-    "hip_adduction": ("{} further in", "{} further out to the side"),
-    "ankle_dorsiflexion": ("{} more pulled up", "{} more pointed"),
-    "shoulder_elevation": ("raised {} higher", "raised {} less"),
-    "trunk_flexion": ("bent {} further forward", "bent {} further back"),
-    "trunk_right_bending": ("bent {} further to the right", "bent {} further to the left"),
-    "trunk_left_rotation": ("turned {} further to the left", "turned {} further to the right"),
-    "pelvis_tilt": ("tilted {} further forward", "tilted {} further back"),
-}
 _LEAST_DEG = 5.0
 _LEAST_SD_DEG = 1.0  # a smaller standard deviation is no measure
 _WITHIN = "within the spread of their repetitions"
-_PLAIN = {
-    "knee_flexion": "knee bend",
-    "elbow_flexion": "elbow bend",
-    "hip_flexion": "hip bend",
-    "hip_adduction": "thigh inward",
-    "ankle_dorsiflexion": "foot pulled up",
-    "shoulder_elevation": "arm raised",
-    "trunk_flexion": "trunk bent forward",
-    "trunk_right_bending": "trunk bent to the right",
-    "trunk_left_rotation": "trunk turned to the left",
-    "pelvis_tilt": "pelvis tilted forward",
-}
 
 
 @dataclass(frozen=True)
@@ -396,7 +381,7 @@ def plain_angle(name: str) -> str:
     """An angle as a person without training in anatomy calls it."""
     plain = without_side(name)
     side = name.removesuffix(plain).replace("_", " ")
-    return side + _PLAIN.get(plain, in_words(plain))
+    return side + (_WORDS | _TRUNK_WORDS)[plain][0]
 
 
 def largest(
@@ -429,7 +414,7 @@ def largest(
 
 
 def _sentence(who: str, other: str, name: str, phase_s: float, deg: float, against: float) -> str:
-    word = _MORE_AND_LESS[without_side(name)][0 if deg > against else 1]
+    word = (_WORDS | _TRUNK_WORDS)[without_side(name)][1 if deg > against else 2]
     return (
         f"{plain_angle(name)}: {who} {degrees(deg)}, {other} {degrees(against)} "
         f"({word.format(f'{abs(deg - against):.0f}°')}), at {phase_s:.2f} s"

@@ -11,9 +11,9 @@ import struct
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Lock
@@ -37,7 +37,7 @@ from imocap_core.detect.environment import (
 from imocap_core.errors import ImocapError, WorkFailed
 from imocap_core.files import publish_once, writer
 from imocap_core.io.frame_access import prefetch
-from imocap_core.io.video import RgbPicture, probe, read_rgb
+from imocap_core.io.video import probe, read_rgb
 from imocap_core.pipeline.source import content_digest, unchanged
 from imocap_core.workers import cores
 
@@ -228,18 +228,7 @@ def detections_file(store: Store, video: Path, detector: Detector) -> Path:
     return store.folder.resolve() / ".cache" / FOLDER / f"{key}.npz"
 
 
-@contextmanager
-def decoded_ahead(video: Path) -> Iterator[Iterator[tuple[int, RgbPicture]]]:
-    """A video's numbered pictures, decoded while others are looked at."""
-    pictures = prefetch(read_rgb(video))
-    try:
-        yield pictures
-    finally:
-        if isinstance(pictures, Generator):
-            pictures.close()
-
-
-def with_last(items: Iterable[Item]) -> Iterator[tuple[Item, bool]]:
+def with_last(items: Iterable[Item]) -> Iterable[tuple[Item, bool]]:
     """Each with whether it is the last."""
     waiting: list[Item] = []
     for item in items:
@@ -289,7 +278,7 @@ def detect_video(
     with (
         unchanged({"video": video}),
         Worker(python, detector.worker, detector.arguments, threads) as worker,
-        decoded_ahead(video) as pictures,
+        closing(prefetch(read_rgb(video))) as pictures,
     ):
         started(worker)
         for (number, picture), is_last in with_last(pictures):

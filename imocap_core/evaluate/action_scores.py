@@ -53,7 +53,7 @@ from imocap_core.metrics.position import (
     missing_joints,
     root_relative,
 )
-from imocap_core.metrics.scoring import ScoreRow, over_videos
+from imocap_core.metrics.scoring import ScoreRow, over_videos, scored_row
 
 ERRORS = ("hand_mpjpe_mm", "hand_mpjpe_scaled_mm", "hand_pa_mpjpe_mm", "hand_mpjpe_seen_mm")
 VISIBLE_SHARE = "hand_seen_share"
@@ -77,10 +77,10 @@ def hand_rows(name: str, hands: Hands, truth: Truth | None) -> list[ScoreRow]:
             hand_pa_mpjpe_mm(video.points_m, true),
             hand_mpjpe_mm(visible, true),
         )
-        for metric, value in zip(ERRORS, values, strict=True):
-            scored = np.isfinite(value)
-            note = "" if scored else "no frame has both"
-            rows.append(ScoreRow(name, video.id, metric, value if scored else None, note))
+        rows += [
+            scored_row(name, video.id, metric, value, "no frame has both")
+            for metric, value in zip(ERRORS, values, strict=True)
+        ]
     return rows
 
 
@@ -103,7 +103,8 @@ def normalised_rows(
                 ScoreRow(name, video.id, metric, None, "no truth") for metric in CALIBRATION_METRICS
             ]
             continue
-        along = np.einsum("tjx,tx->tj", errors, _line_of_sight(motion))
+        sight = motion.joints[:, 0] / np.linalg.norm(motion.joints[:, 0], axis=-1, keepdims=True)
+        along = np.einsum("tjx,tx->tj", errors, sight)
         across = np.sqrt(np.maximum((errors**2).sum(-1) - along**2, 0.0))
         pairs = (
             (np.linalg.norm(errors, axis=-1), video.sigma_mm),
@@ -116,10 +117,10 @@ def normalised_rows(
         }
         content = probability_content(errors, video.covariance_mm2[:, EVAL_INDICES])
         values |= {metric: covered_share(content, level) for metric, level in COVERED.items()}
-        for metric, value in (values | {"coverage_error": coverage_error(content)}).items():
-            scored = bool(np.isfinite(value))
-            note = "" if scored else "no frame"
-            rows.append(ScoreRow(name, video.id, metric, value if scored else None, note))
+        rows += [
+            scored_row(name, video.id, metric, value, "no frame")
+            for metric, value in (values | {"coverage_error": coverage_error(content)}).items()
+        ]
     return rows
 
 
@@ -147,12 +148,6 @@ def joint_errors_mm(
         return None
     predicted = root_relative(motion.joints, SMPL_JOINTS, joints)
     return np.asarray(1000 * (predicted - root_relative(true.joints_m, true.names, joints)))
-
-
-def _line_of_sight(motion: VideoMotion) -> Float[np.ndarray, "T 3"]:
-    """Unit vectors from the camera to the root."""
-    root = motion.joints[:, 0]
-    return np.asarray(root / np.linalg.norm(root, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)

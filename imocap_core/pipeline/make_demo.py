@@ -30,10 +30,10 @@ from imocap_core.executors.tasks import Report, Task, perform
 from imocap_core.files import draft_prefix
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import read_rgb, write_h264
-from imocap_core.synthetic import taichi, yoga
 from imocap_core.synthetic.choreography import PHASE_PER_S
 from imocap_core.synthetic.detector import Detections
 from imocap_core.synthetic.taichi import TAICHI_SPANS, make_taichi_clip, taichi_body
+from imocap_core.synthetic.yoga import keys_of
 from imocap_core.synthetic.yoga_clip import (
     LAYOUT,
     YOGA_SPANS,
@@ -45,7 +45,6 @@ from imocap_core.synthetic.yoga_clip import (
 
 DEMOS = ("yoga", "taichi")
 _COUNT = {"yoga": len(YOGA_SPANS), "taichi": len(TAICHI_SPANS)}
-_DURATION_S = {"yoga": yoga.DURATION_S, "taichi": taichi.DURATION_S}
 DEFAULT_SEED = 7
 _WORKERS = 2
 _CRF = 18  # H.264 quality: hardly any loss
@@ -165,7 +164,7 @@ def truth_of_action(demo: str) -> dict[str, Any]:
     return {
         "model": np.array(model_text(body.name, body.digest)),
         "joint_names": np.array(SMPL_JOINTS),
-        "phase_end": np.float64(_DURATION_S[demo] * PHASE_PER_S),
+        "phase_end": np.float64(keys_of(demo)[-1].time_s * PHASE_PER_S),
     }
 
 

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.body import Shaped
-from imocap_core.camera.projection import intrinsics
+from imocap_core.camera.projection import camera_from_world, intrinsics, project_camera
 
 _FOLLOW_S = 0.35  # how slowly the operator follows
 _WANDER_KNOT_S = 1.2
@@ -62,6 +62,15 @@ class FilmCamera:
     def centres(self) -> Float[np.ndarray, "T 3"]:
         """The camera centre in the world in every frame."""
         return -np.einsum("tji,tj->ti", self.R_cam_from_world, self.t)
+
+    def pixels(
+        self, points: Float[np.ndarray, "T *points 3"]
+    ) -> tuple[Float[np.ndarray, "T *points 2"], Float[np.ndarray, "T *points"]]:
+        """Pixels and depths of world points."""
+        flat = points.reshape(len(points), -1, 3)
+        in_camera = camera_from_world(flat, self.R_cam_from_world, self.t[:, None])
+        pixels = project_camera(in_camera, self.K)
+        return pixels.reshape(*points.shape[:-1], 2), in_camera[..., 2].reshape(points.shape[:-1])
 
 
 # Four sides, near and wide to far and narrow, from the knee's height to above the head.

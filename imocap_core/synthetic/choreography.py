@@ -188,7 +188,7 @@ def contact_targets(
         toes = np.array([leg.toes for leg in legs])
         rolling = np.abs(toes[before + 1] - toes[before])[:, None] > _ROLL_DEG
         lift = np.where(stepping, _STEP_LIFT_M, _ROLL_LIFT_M * rolling)
-        position[:, ball] = start + (end - start) * _smooth(share)
+        position[:, ball] = start + (end - start) * (share**2 * (3 - 2 * share))
         position[:, ball, 1:2] += lift * np.sin(np.pi * share) ** 2
         weight[:, ball] = _FIRM
 
@@ -206,10 +206,6 @@ def contact_targets(
         weight[:, wrist] = _FIRM * planted
         weight[:, hand] = 0.3 * _FIRM * planted
     return ContactTargets(position, weight)
-
-
-def _smooth(share: Float[np.ndarray, "N 1"]) -> Float[np.ndarray, "N 1"]:
-    return share**2 * (3 - 2 * share)
 
 
 def _fade(
@@ -258,18 +254,14 @@ def solve_contacts(
         miss[..., 1] += _FLOOR * below * (xyz[..., 1] - clearance)
         weight, miss = firmness * weight, firmness * miss
         rows = (weight[..., None] * jacobian).reshape(frames, -1, len(give))
-        moved = _log(np.swapaxes(guess, -1, -2) @ rotations).reshape(frames, -1)
-        away = np.concatenate([moved, pelvis - hips], axis=1)
+        moved = Rotation.from_matrix((np.swapaxes(guess, -1, -2) @ rotations).reshape(-1, 3, 3))
+        away = np.concatenate([moved.as_rotvec().reshape(frames, -1), pelvis - hips], axis=1)
         gradient = np.einsum("nrk,nr->nk", rows, miss.reshape(frames, -1)) + away @ prior
         step = -np.linalg.solve(np.swapaxes(rows, 1, 2) @ rows + prior, gradient[..., None])[..., 0]
         turn = Rotation.from_rotvec(step[:, :-3].reshape(-1, 3)).as_matrix()
         rotations = rotations @ turn.reshape(guess.shape)
         pelvis = pelvis + step[:, -3:]
     return rotations, pelvis
-
-
-def _log(matrices: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "... 3"]:
-    return Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec().reshape(matrices.shape[:-1])
 
 
 PHASE_PER_S = 30.0  # phase counts frames of the choreography at its authored pace
@@ -336,7 +328,11 @@ def perform(
     targets_at_keys = contact_targets(varied, places, joints_rest, key_times)
     rotations, hips = solve_contacts(forward, rotations, hips, targets_at_keys)
 
-    guess = _interpolate(key_times, rotations, time_s)
+    splines = [  # C2 on the rotation group
+        RotationSpline(key_times, Rotation.from_matrix(rotations[:, joint]))
+        for joint in range(rotations.shape[1])
+    ]
+    guess = np.stack([spline(time_s).as_matrix() for spline in splines], axis=1)
     hips_guess = PchipInterpolator(key_times, hips)(time_s)
     targets = contact_targets(varied, places, joints_rest, time_s)
     R_local, pelvis = solve_contacts(forward, guess, hips_guess, targets)
@@ -406,19 +402,6 @@ def _vary_places(
         + (drift if place[1] == "return" else 0.0)
         for place, centre in places.items()
     }
-
-
-def _interpolate(
-    key_times: Float[np.ndarray, " N"],
-    rotations: Float[np.ndarray, "N 24 3 3"],
-    time_s: Float[np.ndarray, " T"],
-) -> Float[np.ndarray, "T 24 3 3"]:
-    """Each joint's rotations at key times, interpolated by a C2 spline on the rotation group."""
-    splines = [
-        RotationSpline(key_times, Rotation.from_matrix(rotations[:, joint]))
-        for joint in range(rotations.shape[1])
-    ]
-    return np.stack([spline(time_s).as_matrix() for spline in splines], axis=1)
 
 
 def _smooth_rotations(

@@ -10,7 +10,6 @@ import torch
 from jaxtyping import Float, UInt8
 
 from imocap_core.body import Shaped
-from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import YOGA_CAMERAS, FilmCamera, aim_camera, stature_px
 from imocap_core.synthetic.choreography import (
@@ -91,11 +90,8 @@ def make_yoga_clip(seed: int, index: int, shaped: Shaped) -> DemoClip:
     camera = aim_camera(view, motion.pelvis, span.fps, SIZE, camera_rng)
 
     points = shaped.model.points(LAYOUT)
-    in_camera = camera_from_world(
-        posed.keypoints(points).numpy(), camera.R_cam_from_world, camera.t[:, None]
-    )
-    xy_px = project_camera(in_camera, camera.K)
-    height_px = stature_px(shaped, camera.K[1, 1], in_camera[..., 2])
+    xy_px, depth = camera.pixels(posed.keypoints(points).numpy())
+    height_px = stature_px(shaped, camera.K[1, 1], depth)
     detections = detect(xy_px, height_px, points.names, span.fps, detector_rng)
     others = false_people(detections, SIZE, detector_rng)
     joints = posed.joints.numpy()
