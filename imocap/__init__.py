@@ -19,7 +19,7 @@ Importing changes no setting of the process and loads nothing heavy (PyTorch, Py
 a function loads what it needs.
 """
 
-from imocap_core.biomechanics.motion_event import MotionEvent
+from imocap_core.biomechanics.events import MotionEvent
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
 from imocap_core.diagnostics.findings import Finding, Verdict

@@ -205,8 +205,6 @@ def draw_mesh(
     in_camera = vertices @ R_cam_from_world.T + t
     depth = in_camera[:, 2]
     ahead = depth > NEAR_M
-    if not ahead.any():
-        return image.copy()
     homogeneous = in_camera @ K.T
     xy_px = homogeneous[:, :2] / np.where(ahead, depth, 1.0)[:, None]
     window = _window(xy_px[ahead], (image.shape[1], image.shape[0]))
@@ -232,6 +230,8 @@ def _window(
     xy_px: Float[np.ndarray, "N 2"], size: tuple[int, int]
 ) -> tuple[int, int, int, int] | None:
     """The part of the image around the points: x0, y0, x1, y1 (ends excluded); None if outside."""
+    if not len(xy_px):
+        return None
     low = np.clip(np.floor(xy_px.min(axis=0)) - _MARGIN_PX, 0, size).astype(int)
     high = np.clip(np.ceil(xy_px.max(axis=0)) + _MARGIN_PX + 1, 0, size).astype(int)
     if (high <= low).any():
@@ -294,7 +294,7 @@ def paint_mesh(
     depth = homogeneous[:, 2]
     ahead = depth > NEAR_M
     xy_px = homogeneous[:, :2] / np.where(ahead, depth, 1.0)[:, None]
-    box = _painted_window(xy_px[ahead], image.shape[1], image.shape[0])
+    box = _window(xy_px[ahead], (image.shape[1], image.shape[0]))
     if box is None:
         return image.copy()
     x0, y0, x1, y1 = box
@@ -312,20 +312,6 @@ def paint_mesh(
     return drawn
 
 
-def _painted_window(
-    xy_px: Float[np.ndarray, "N 2"], width: int, height: int
-) -> tuple[int, int, int, int] | None:
-    """The part of the picture around the points: x0, y0, x1, y1 (ends excluded); None if
-    outside."""
-    if not len(xy_px):
-        return None
-    low = np.clip(np.floor(xy_px.min(axis=0)) - _MARGIN_PX, 0, (width, height)).astype(int)
-    high = np.clip(np.ceil(xy_px.max(axis=0)) + _MARGIN_PX + 1, 0, (width, height)).astype(int)
-    if (high <= low).any():
-        return None
-    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
-
-
 def _far_to_near(
     xy: Float[np.ndarray, "V 2"],
     depth: Float[np.ndarray, " V"],
@@ -333,9 +319,8 @@ def _far_to_near(
     ahead: Bool[np.ndarray, " V"],
 ) -> Int[np.ndarray, " N"]:
     """Indices of the front faces, the farthest first."""
-    a, b, c = (xy[faces[:, k]] for k in range(3))
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    front = np.flatnonzero((area < 0) & ahead[faces].all(axis=1))  # y points down
+    area = _doubled_areas(*(axis[faces].T for axis in xy.T))
+    front = np.flatnonzero((area < 0) & ahead[faces].all(axis=1))
     return front[np.argsort(-depth[faces[front]].sum(axis=1))]
 
 

@@ -22,10 +22,10 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 350,
-    "lines of the core": 75_523,
+    "lines of the core": 74_844,
     "packages of the core": 40,
-    "public names of the core": 4_260,
-    "lines of the core's longest function": 84,
+    "public names of the core": 4_258,
+    "lines of the core's longest function": 79,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 13,
     "lines of the tests": 46_339,

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import imocap
-from imocap_core.biomechanics.motion_event import MotionEvent
+from imocap_core.biomechanics.events import MotionEvent
 from imocap_core.conventions import SIDES
 from imocap_core.io.truth import VideoTruth, read_truth
 from imocap_core.result.video import VideoResult

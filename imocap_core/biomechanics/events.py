@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from imocap_core.biomechanics.motion_event import Kind, MotionEvent, Unit
 from imocap_core.sequences import runs
 
 SPEED_WINDOW_S = 0.1  # over which a speed is the slope of a parabola
@@ -17,6 +18,45 @@ LEAST_CONTACT_S = 0.1  # shorter contacts, and shorter gaps in one, are none
 PEAK_SPEED_M_S, PEAK_SPEED_SHARE = 0.5, 0.2  # least prominence: this, and of the largest speed
 SPEED_SD_PER_S, SPEED_SD_SHARE = 4.5, 0.1  # of a place's error along the path, of the speed
 PEAK_ANGLE_DEG, PEAK_ANGLE_SDS = 10.0, 2.0  # least prominence: this, and standard deviations
+
+
+Kind = Literal["contact_begin", "contact_end", "fastest", "largest", "smallest"]
+Unit = Literal["", "m/s", "deg"]
+
+
+@dataclass(frozen=True)
+class MotionEvent:
+    """Something that happens at one moment of a video.
+
+    Attributes:
+        kind: contact_begin and contact_end of a foot; fastest: a joint's speed has a peak; largest
+            and smallest: an angle turns.
+        name: of the foot's side, the joint, or the angle.
+        index: the moment, a fractional position among the frames.
+        earliest, latest: bounds of the moment. Of a contact: between them the foot changes from
+            certainly moving to certainly resting, or back. Of a speed or an angle: it is within one
+            standard deviation of its extreme there. NaN where nothing tells.
+        value: the joint's speed (m/s) or the angle (deg); NaN of contacts. unit: of value.
+        sd: standard deviation of value; NaN where unknown.
+    """
+
+    kind: Kind
+    name: str
+    index: float
+    earliest: float
+    latest: float
+    value: float
+    sd: float
+    unit: Unit
+
+    def later(self, frames: int) -> MotionEvent:
+        """The same event, counted from an earlier first frame."""
+        return replace(
+            self,
+            index=self.index + frames,
+            earliest=self.earliest + frames,
+            latest=self.latest + frames,
+        )
 
 
 def foot_contact_events(

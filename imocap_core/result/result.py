@@ -9,7 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from imocap_core.biomechanics.motion_event import MotionEvent
+from imocap_core.biomechanics.events import MotionEvent
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.result.artifacts import Artifacts

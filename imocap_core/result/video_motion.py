@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 
 from imocap_core.biomechanics.events import (
+    MotionEvent,
     angle_events,
     foot_contact_events,
     foot_contacts,
@@ -17,7 +18,6 @@ from imocap_core.biomechanics.events import (
     speed_spreads_m_s,
 )
 from imocap_core.biomechanics.joint_angles import angle_spreads_deg, joint_angles_deg
-from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.body import Model, Shaped
 from imocap_core.camera.gravity import (
     BodyMotion,

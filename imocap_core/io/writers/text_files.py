@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from imocap_core.biomechanics.motion_event import MotionEvent
+from imocap_core.biomechanics.events import MotionEvent
 from imocap_core.files import write_csv
 from imocap_core.io.writers.motion_clip import MotionClip
 
