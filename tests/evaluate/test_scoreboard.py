@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.evaluate.scoreboard import FOCAL, PLACE, ROTATION, camera_rows
 from imocap_core.evaluate.whole_body_scores import VertexErrors, measure_surfaces, surface_mesh
 from imocap_core.io.truth import Truth, VideoTruth
+from imocap_core.pipeline.stage import Inputs
 from imocap_core.report.table_files import read_contents
 from stages.evaluate import run
 from tests.report.made import Made
@@ -70,40 +70,6 @@ def test_what_is_not_scored_has_a_reason() -> None:
 NO_HANDS = Hands(videos=[], model="", model_digest="", size=1.0, status="no hand keypoints")
 
 
-class Inputs:
-    """Hands out made artifacts by their class."""
-
-    def __init__(self, made: Made) -> None:
-        given = (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
-        given = (*given, made.refined, made.claimed, made.again, NO_HANDS)
-        self._given = {type(artifact): artifact for artifact in given}
-
-    def get(self, kind: type) -> Any:
-        return self._given[kind]
-
-
-class Context:
-    """An action of the name of its folder, without video files."""
-
-    device = "cpu"
-
-    def __init__(self, action: Path, report: Path, truth: Path | None) -> None:
-        self.report, self._action, self._truth = report, action, truth
-
-    def progress(self, share: float, message: str) -> None:
-        assert 0 <= share <= 1
-        assert message
-
-    def truth(self) -> Path | None:
-        return self._truth
-
-    def action_file(self) -> Path:
-        return self._action / "action.yaml"
-
-    def video(self, video_id: str) -> Path | None:
-        return None
-
-
 def evaluate(folder: Path, made: Made, *, truth: bool, figures: bool = False) -> Evaluate:
     file = folder / "truth.npz"
     if truth:
@@ -114,8 +80,14 @@ def evaluate(folder: Path, made: Made, *, truth: bool, figures: bool = False) ->
 def evaluate_with(folder: Path, made: Made, truth: Path | None, figures: bool = False) -> Evaluate:
     """With the truth of a file; the report goes into the folder `r`."""
     (report := folder / "r").mkdir()
-    params = SimpleNamespace(evaluate=SimpleNamespace(figures=figures))
-    return run(Context(folder, report, truth), Inputs(made), params)  # type: ignore[arg-type]
+    given = (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
+    given = (*given, made.refined, made.claimed, made.again, NO_HANDS)
+    inputs = Inputs("evaluate", {}, {type(artifact): artifact for artifact in given})
+    context = SimpleNamespace(
+        device="cpu", report=report, progress=lambda *_: None, truth=lambda: truth,
+        action_file=lambda: folder / "action.yaml", video=lambda _: None,
+    )  # fmt: skip
+    return run(context, inputs, SimpleNamespace(evaluate=SimpleNamespace(figures=figures)))
 
 
 @pytest.fixture(scope="module")
