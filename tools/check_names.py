@@ -22,9 +22,9 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 350,
-    "lines of the core": 74_844,
+    "lines of the core": 74_804,
     "packages of the core": 40,
-    "public names of the core": 4_258,
+    "public names of the core": 4_247,
     "lines of the core's longest function": 79,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 13,

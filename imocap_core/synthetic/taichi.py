@@ -97,7 +97,7 @@ def detect_hands(
 
 TAI_CHI = keys_of("taichi")
 HANDS: tuple[tuple[str, str], ...] = tuple((left, right) for *_, left, right in FORMS["taichi"])
-HAND_POSES = {name: np.array(angles_deg) for name, angles_deg in FORMS["hands"].items()}
+HAND_POSES = {name: np.array(deg, dtype=np.float64) for name, deg in FORMS["hands"].items()}
 
 SIZE = (424, 540)
 TAICHI_SPANS: tuple[PhaseSpan, ...] = (
