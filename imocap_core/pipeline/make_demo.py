@@ -1,14 +1,9 @@
 """Synthetic demo actions from a seed: `actions/yoga`, four videos of one sun salutation, and
 `actions/taichi`, four of one tai chi form, whose detections have hands.
-
-To make one directly, and a contact sheet of it:
-
-    python -m imocap_core.pipeline.make_demo actions/yoga --sheet sheet.jpg
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 from collections.abc import Callable
@@ -19,7 +14,7 @@ import cv2
 import numpy as np
 import torch
 import yaml
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.model import pose_from_rotations
@@ -29,7 +24,7 @@ from imocap_core.executors.processes import worker_processes
 from imocap_core.executors.tasks import Report, Task, perform
 from imocap_core.files import draft_prefix
 from imocap_core.io.truth import model_text
-from imocap_core.io.video import read_rgb, write_h264
+from imocap_core.io.video import write_h264
 from imocap_core.synthetic.choreography import PHASE_PER_S
 from imocap_core.synthetic.detector import Detections
 from imocap_core.synthetic.taichi import TAICHI_SPANS, make_taichi_clip, taichi_body
@@ -48,8 +43,6 @@ _COUNT = {"yoga": len(YOGA_SPANS), "taichi": len(TAICHI_SPANS)}
 DEFAULT_SEED = 7
 _WORKERS = 2
 _CRF = 18  # H.264 quality: hardly any loss
-_SHEET_COLUMNS = 8
-_SHEET_TILE = (224, 126)
 
 
 def make_demo(
@@ -201,31 +194,3 @@ def _hands(detections: Detections, frame: int) -> dict[str, Any]:
         f"hand_{side}_keypoints_2d": [round(float(v), 4) for v in hand.ravel()]
         for side, hand in sides
     }
-
-
-def contact_sheet(folder: Path) -> UInt8[np.ndarray, "H W 3"]:
-    """RGB contact sheet of an action's videos: one row per video, frames at equal intervals."""
-    rows = []
-    for file in sorted((folder / "videos").glob("*.mp4")):
-        frames = [frame for _, frame in read_rgb(file)]
-        chosen = np.linspace(0, len(frames) - 1, _SHEET_COLUMNS).round().astype(int)
-        tiles = [cv2.resize(frames[i], _SHEET_TILE, interpolation=cv2.INTER_AREA) for i in chosen]
-        rows.append(np.hstack(tiles))
-    return np.vstack(rows)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description="make a demo action")
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--name", choices=DEMOS, default=DEMOS[0])
-    parser.add_argument("--seed", type=int, default=DEFAULT_SEED)
-    parser.add_argument("--sheet", type=Path, help="also write a contact sheet (jpg or png)")
-    arguments = parser.parse_args()
-    make_demo(arguments.name, arguments.folder, arguments.seed, print)
-    if arguments.sheet:
-        sheet = contact_sheet(arguments.folder)
-        cv2.imwrite(str(arguments.sheet), sheet[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 70])
-
-
-if __name__ == "__main__":
-    main()

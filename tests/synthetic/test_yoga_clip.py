@@ -12,7 +12,7 @@ from imocap_core.errors import WorkFailed
 from imocap_core.executors.tasks import Serial
 from imocap_core.io.readers.openpose import read_openpose
 from imocap_core.io.truth import read_truth
-from imocap_core.io.video import probe, write_h264
+from imocap_core.io.video import probe
 from imocap_core.pipeline import make_demo as demo
 from imocap_core.pipeline.action import read_action
 from imocap_core.synthetic.yoga_clip import pictures
@@ -113,14 +113,3 @@ def test_a_failing_run_leaves_nothing_behind(quick, tmp_path, monkeypatch):
 def test_unknown_demos_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"expected one of yoga, taichi, got 'tennis'"):
         demo.make_demo("tennis", tmp_path / "tennis", SEED)
-
-
-def test_the_contact_sheet_has_a_row_a_video(tmp_path):
-    (tmp_path / "videos").mkdir()
-    for index, tone in enumerate((40, 200)):
-        frames = [np.full((36, 64, 3), tone, np.uint8)] * 4
-        write_h264(tmp_path / "videos" / f"v{index}.mp4", frames, 30.0)
-    sheet = demo.contact_sheet(tmp_path)
-    assert sheet.shape == (2 * 126, 8 * 224, 3)
-    assert abs(int(sheet[10, 10, 0]) - 40) < 6
-    assert abs(int(sheet[-10, 10, 0]) - 200) < 6
