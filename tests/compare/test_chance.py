@@ -73,13 +73,12 @@ def test_a_difference_that_chance_or_the_expected_error_explains_says_so(tmp_pat
     angles = angles[0], replace(angles[1], mean=moved)
 
     def sentences(p: float, error: float) -> set[str]:
-        errors = {n: np.full((2, N_), error) for n in moved}
+        errors = {n: np.full((2, len(first.instances.phase_s)), error) for n in moved}
         told = replace(first, performances=replace(first.performances, error_deg=errors))
         found = replace(pair, first=told, second=told)
         chance = Chance(dict.fromkeys(moved, p), 0.01)
         return {f.sentence.rpartition(" s, ")[2] for f in pair_findings(found, angles, chance)}
 
-    N_ = len(first.instances.phase_s)
     assert sentences(0.3, 1.0) == {"which chance explains (p = 0.30)"}
     assert sentences(0.02, 8.0) == {"within what is measured (± 11°)"}
     assert sentences(0.02, 1.0) == {"more than chance explains (p = 0.02)"}
