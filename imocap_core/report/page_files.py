@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from imocap_core import viewer
 from imocap_core.artifacts.store import Store
 from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.files import is_as_made, record_made, write_whole
@@ -19,7 +20,8 @@ LEVELS = {"good": "Good", "check": "Check", "doubt": "Doubtful"}
 _COMPARED = "where performances differ, in degrees"
 _LINKS = re.compile(r'<nav class="pages">.*?</nav>', re.DOTALL)
 
-WEB = Path(__file__).with_name("web")
+# Not in this package: a change of style would make the stage that draws its figures stale.
+WEB = Path(str(viewer.__file__)).with_name("web")
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def _index(folder: Path, action: str, verdict: Verdict | None) -> Iterator[str]:
 def html_head(title: str, style: str, meta: str = "") -> str:
     """The beginning of a page, up to its body. title, meta: HTML. style: the page's own in web/,
     after the one that all pages share."""
-    css = "".join("\n" + (WEB / n).read_text(encoding="utf-8") for n in ("page.css", style))
+    css = "".join("\n" + (WEB / n).read_text(encoding="utf-8") for n in ("pages.css", style))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">{meta}'
