@@ -1,6 +1,5 @@
 """Synthetic demo actions from a seed: `actions/yoga`, four videos of one sun salutation, and
-`actions/taichi`, four of one tai chi form, whose detections have hands.
-"""
+`actions/taichi`, four of one tai chi form, whose detections have hands."""
 
 from __future__ import annotations
 

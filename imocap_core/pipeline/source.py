@@ -197,7 +197,6 @@ class SourceFile:
         """Its code, imports and re-exports; parsed again only where the file has changed."""
 
         def parse(file: Path) -> ParsedSource:
-
             return parse_source(file, self.module, PACKAGES)
 
         return remembered(f"source{CODE_FORMAT}:{self.module}", self.file, parse)
