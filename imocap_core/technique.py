@@ -353,6 +353,7 @@ _TRUNK_WORDS = {
 SHOWN = (*(f"{side}_{name}" for name in _WORDS for side in ("left", "right")), *_TRUNK_WORDS)
 """Those that keypoints of a body determine and that have one plain meaning."""
 
+SD_APART = 2.0  # expected errors by which angles differ for sure
 _LEAST_DEG = 5.0
 _LEAST_SD_DEG = 1.0  # a smaller standard deviation is no measure
 _WITHIN = "within the spread of their repetitions"

@@ -18,6 +18,7 @@ from benchmarks.chance.takes import CapturedTake, takes_of
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.tables import write_rows
 from imocap_core.compare.chance import LIKELY, chance_of
+from imocap_core.motion.multiview.timeline import values_at
 from imocap_core.params import SyncParams
 from imocap_core.pipeline.runner import Display
 from imocap_core.sync.evidence import SyncEvidence
@@ -111,6 +112,5 @@ def _positions(
 def _at(
     motion: Float[np.ndarray, "T J 3"], position: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "N J 3"]:
-    frames, flat = np.arange(len(motion)), motion.reshape(len(motion), -1)
-    values = np.stack([np.interp(position, frames, column) for column in flat.T], axis=-1)
-    return np.where(np.isfinite(position)[:, None], values, np.nan).reshape(-1, *motion.shape[1:])
+    values = values_at(motion, np.nan_to_num(position))
+    return np.where(np.isfinite(position)[:, None, None], values, np.nan)

@@ -24,7 +24,6 @@ from jaxtyping import Float
 MOST_DIVISIONS = 2000  # all of two sets of six; of larger sets as many at random
 LEAST_SD_DEG = 1.0  # of the performances within the sets: a smaller one is no measure
 LIKELY = 0.05  # at this probability, or below it, a difference is more than chance explains
-ERRORS_APART = 2.0  # expected errors that a difference must exceed
 
 Each = Mapping[str, Float[np.ndarray, "_M N"]]
 

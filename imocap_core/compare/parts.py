@@ -10,7 +10,7 @@ from jaxtyping import Float
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from imocap_core.compare.chance import ERRORS_APART, LIKELY, Chance
+from imocap_core.compare.chance import LIKELY, Chance
 from imocap_core.compare.compare import (
     Curves,
     Technique,
@@ -20,7 +20,7 @@ from imocap_core.compare.compare import (
 )
 from imocap_core.figures.style import QUIET, color_of, grid, headline, new_figure
 from imocap_core.files import write_csv
-from imocap_core.technique import Modes, MotionDifference, in_words, largest
+from imocap_core.technique import SD_APART, Modes, MotionDifference, in_words, largest
 
 _LEAST_LATE_S = 0.1
 _OF_TWO, _OF_EACH = 8, 3  # sentences about two performers, and about each performance
@@ -63,19 +63,19 @@ def _judged(
         error = float(errors[name][t]) if name in errors else 0.0
         if p > LIKELY:
             words[name] = True, f", which chance explains (p = {p:.2f})"
-        elif away[t] < ERRORS_APART * error:
-            words[name] = True, f", within what is measured (± {error:.0f}°)"
+        elif away[t] < SD_APART * error:
+            words[name] = True, f", within twice the expected error (± {error:.0f}°)"
         else:
             words[name] = False, f", more than chance explains (p = {p:.2g})"
     return words
 
 
 def chance_sentence(pair: TechniquePair, chance: Chance) -> str:
-    """What p says, or that there are too few performances to tell differences from chance."""
+    """What p means, or that there are too few performances to tell differences from chance."""
     if chance.telling:
         return (
-            "p: the probability that any angle differs by so much where both are of one kind "
-            "(permutation test, all angles and moments looked at)."
+            "p: how often chance gives any angle, at any moment, so large a difference "
+            "(permutation test)."
         )
     ours, theirs = (len(t.instances.ids) for t in (pair.first, pair.second))
     return (

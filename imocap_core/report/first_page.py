@@ -22,14 +22,13 @@ from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import video_angles
-from imocap_core.technique import SHOWN, degrees, largest, plain_angle, without_side
+from imocap_core.technique import SD_APART, SHOWN, degrees, largest, plain_angle, without_side
 
 ANGLES = "angles.png"
 _KEY_ANGLES = 3  # left and right of each
 _SINKS_M = 0.12  # a pelvis that moves up and down by more has a lowest moment worth a name
 _COLUMNS = 4  # videos that the table shows each by itself
 _SENTENCES_OF_TWO, _SENTENCES = 4, 5
-SD_APART = 2  # expected errors by which angles differ for sure
 Curves = dict[str, Float[np.ndarray, "M N"]]  # degrees of M videos at N moments
 
 

@@ -80,5 +80,5 @@ def test_a_difference_that_chance_or_the_expected_error_explains_says_so(tmp_pat
         return {f.sentence.rpartition(" s, ")[2] for f in pair_findings(found, angles, chance)}
 
     assert sentences(0.3, 1.0) == {"which chance explains (p = 0.30)"}
-    assert sentences(0.02, 8.0) == {"within what is measured (± 11°)"}
+    assert sentences(0.02, 8.0) == {"within twice the expected error (± 11°)"}
     assert sentences(0.02, 1.0) == {"more than chance explains (p = 0.02)"}
