@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
+
 from imocap_core.adapters.joint import SolvedGroup, is_one_motion, solved_groups
 from imocap_core.adapters.redetection import with_second_look
 from imocap_core.adapters.uncertainty import (
@@ -94,6 +96,7 @@ def posterior_of(
         participants,
         [claimed_covariance_m2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in joints],
         [claimed_rotations_deg2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in rotations],
+        [np.degrees(np.degrees(x)) for x in posterior.deviations_rad2],
         [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
         viewpoints,
     )

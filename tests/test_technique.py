@@ -1,4 +1,4 @@
-"""Technique on made motions: known modes, known spreads, and what must not matter."""
+"""Technique on made motions: known spreads, and what must not matter."""
 
 from dataclasses import replace
 
@@ -13,7 +13,6 @@ from imocap_core.technique import (
     difference,
     facing_alike,
     mean_motion,
-    modes,
     over_moments,
     spread,
     to_the_front,
@@ -56,7 +55,6 @@ def test_equal_performances_agree_wholly() -> None:
     per_joint, whole = consistency(performances.joints, performances.inside)
     assert whole == pytest.approx(1.0)
     np.testing.assert_allclose(per_joint, [np.nan, 1, 1, 1])
-    assert len(modes(mean.turns).share) == 0 or modes(mean.turns).scores.max() < 1e-6
 
 
 def test_where_a_performance_faces_does_not_matter() -> None:
@@ -98,39 +96,6 @@ def test_the_spread_is_the_standard_deviation() -> None:
     many = rng.normal(scale=[0.01, 0.02, 0.02], size=(400, N, J, 3))
     estimated = spread(many - many.mean(0), np.ones((400, N), dtype=bool))
     np.testing.assert_allclose(over_moments(estimated), 0.03, rtol=0.03)
-
-
-def test_a_given_mode_is_recovered() -> None:
-    """Its shape, what each performance has of it, and nothing else."""
-    rng = np.random.default_rng(2)
-    shape = smooth(rng, 1.0)
-    shape *= np.deg2rad(1.0) / np.sqrt((shape**2).sum(-1).mean())
-    scores = np.array([6.0, -4.0, 1.0, -5.0, 2.0])  # degrees
-    performances = made(turns=scores[:, None, None, None] * shape)
-    mean = mean_motion(performances)
-    got = modes(mean.turns)
-    assert got.share[0] > 0.999
-    np.testing.assert_allclose(got.scores[:, 0], scores, atol=0.02)
-    np.testing.assert_allclose(got.shapes[0], shape, atol=np.deg2rad(0.02))
-    assert got.deviations()[0] == pytest.approx(scores.std(ddof=1), rel=0.01)
-    turn = Rotation.from_rotvec((got.scores[3, 0] * got.shapes[0]).reshape(-1, 3)).as_matrix()
-    back = mean.R_local @ turn.reshape(mean.R_local.shape)
-    off = Rotation.from_matrix((back.swapaxes(-1, -2) @ performances.R_local[3]).reshape(-1, 3, 3))
-    assert np.rad2deg(off.magnitude()).max() < 0.2
-
-
-def test_two_modes_come_apart_by_their_strength() -> None:
-    first, second = np.zeros((2, N, J, 3))
-    first[:, 1, 0], second[:, 2, 1] = np.deg2rad(2.0), np.deg2rad(2.0)  # a knee, an elbow
-    a = np.array([3.0, -3.0, 1.0, -1.0, 0.0])
-    b = np.array([1.0, 1.0, -2.0, -2.0, 2.0])  # at right angles to a, and to 1
-    deviations = a[:, None, None, None] * first + b[:, None, None, None] * second
-    got = modes(mean_motion(made(turns=deviations)).turns)
-    assert got.of_joints()[0].argmax() == 1
-    assert got.of_joints()[1].argmax() == 2
-    np.testing.assert_allclose(got.share[:2], [20 / 34, 14 / 34], atol=0.01)
-    assert got.share.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(got.scores.sum(0), 0, atol=1e-6)
 
 
 def test_consistency_is_the_share_that_the_moment_explains() -> None:

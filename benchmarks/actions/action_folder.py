@@ -21,7 +21,7 @@ import yaml
 from jaxtyping import Int
 from scipy.ndimage import median_filter
 
-from benchmarks.actions.captured import PLACEMENTS, SIZE, CapturedVideo, RecordedView, video_rng
+from benchmarks.actions.captured import SIZE, CapturedVideo, RecordedView, placement, video_rng
 from benchmarks.synthetic.captured import coco18_points, hip_middle, place_camera, stature_m
 from benchmarks.synthetic.detector_presets import detect_person
 from benchmarks.synthetic.estimator import estimate
@@ -105,9 +105,10 @@ def _write(
     videos = []
     for v, motion in enumerate(captured):
         video = f"v{v + 1}"
-        rng = video_rng(name, v, 1)
+        place = v if motion.place is None else motion.place
+        rng = video_rng(name, place, 1)
         view = motion.recorded or _simulated_view(
-            motion, OUTLIER_VIEW if motion.is_outlier else PLACEMENTS[v]
+            motion, OUTLIER_VIEW if motion.is_outlier else placement(place)
         )
         joints_cam = motion.joints_m @ view.R.T + view.t
         estimated = estimate(joints_cam, motion.fps, rng)[motion.frames]

@@ -23,12 +23,23 @@ from benchmarks.synthetic.frame_sampling import sample_frames
 from benchmarks.synthetic.trials import AlignedTrial, align_trials
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
+from imocap_core.synthetic.cameras import CameraPlacement
 
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
 SEED = 7
 PLACEMENTS = (*CAMERA_PLACEMENTS, *FURTHER_PLACEMENTS)
 DEFAULT_VIDEOS, MAX_VIDEOS = len(CAMERA_PLACEMENTS), len(PLACEMENTS)
+GOLDEN_DEG = 137.508
+
+
+def placement(number: int) -> CameraPlacement:
+    """Where the camera of a video stands: around the performer, beyond the first in steps of the
+    golden angle."""
+    if number < MAX_VIDEOS:
+        return PLACEMENTS[number]
+    height, focal = np.random.default_rng([SEED, number]).uniform((1.0, 0.85), (2.0, 1.15))
+    return CameraPlacement(float(number * GOLDEN_DEG % 360), 4.0, float(height), float(focal))
 
 
 @dataclass(frozen=True)
@@ -55,7 +66,8 @@ class CapturedVideo:
     recorded: a real camera and its detections, where these need not be simulated. truth_joints_m:
     the joints that the truth gives, in the order of `truth_names`, where they are more than the 14.
     skeleton_m: all joints of the captured skeleton, on the stage. segments: rotations of its
-    pelvis, chest and head from a neutral stance to the stage, for the truth.
+    pelvis, chest and head from a neutral stance to the stage, for the truth. place: whose camera
+    and random numbers it has; None: its place among the videos.
     """
 
     joints_m: Float[np.ndarray, "T 14 3"]
@@ -70,6 +82,7 @@ class CapturedVideo:
     truth_names: tuple[str, ...] = EVAL_14
     skeleton_m: Float[np.ndarray, "T S 3"] | None = None
     segments: Float[np.ndarray, "T 6 3 3"] | None = None
+    place: int | None = None
 
     def truth(
         self,
@@ -159,11 +172,11 @@ def videos_of_performances(files: Sequence[Path], videos: int) -> list[CapturedV
             skeleton_m=skeleton,
             segments=_segments(files[0], skeleton),
         )
-        for p, skeleton in _on_stage(trials, index)
+        for p, skeleton in on_stage(trials, index)
     ]
 
 
-def _on_stage(
+def on_stage(
     trials: Sequence[np.ndarray], index: Int[np.ndarray, "14"]
 ) -> list[tuple[AlignedTrial, np.ndarray]]:
     """Aligned trials, each with its whole skeleton on the stage."""

@@ -56,7 +56,7 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
         distances = work()
         blocks = distances.blocks
         clocks = Clocks(fps, np.ones(VIDEOS))
-        maps = compared_pairs(distances, clocks, settings).soft_maps
+        maps = compared_pairs(distances, clocks, settings, range(VIDEOS)).soft_maps
         affinity = BlockMaps.of(symmetric_affinity(maps.dense(), blocks), blocks)
         for method in ("softmap", "als", "svt"):
             if size <= LARGEST.get(method, size):

@@ -45,12 +45,13 @@ MM2_PER_M2 = 1e6
 @dataclass(frozen=True)
 class GroupPosterior:
     """What is claimed of videos that were solved together, as solved (mirrored ones reflected):
-    covariances of joints and of the anatomical joints' rotations, and standard deviations of the
-    cameras' rotations."""
+    covariances of joints and of the anatomical joints' rotations, of the latter with the common
+    motion given, and standard deviations of the cameras' rotations."""
 
     participants: Participants
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
     rotations_deg2: list[Float[np.ndarray, "_ 15 3 3"]]
+    deviations_deg2: list[Float[np.ndarray, "_ 15 3 3"]]
     camera_rotation_rad: list[float]
     viewpoints: ViewpointReport
 
@@ -118,14 +119,19 @@ def uncertainty_of(
     for k, group in enumerate(posteriors):
         for v, video in enumerate(group.participants.keypoints.videos):
             covariance = group.participants.filmed_covariance(video.id, group.covariances_m2[v])
-            rotations = group.rotations_deg2[v]
+            rotations, deviations = group.rotations_deg2[v], group.deviations_deg2[v]
             if video.id in group.participants.mirrored:
-                rotations = mirrored_rotation_covariance(rotations)
+                rotations, deviations = map(mirrored_rotation_covariance, (rotations, deviations))
             comparable = k == 0 or (whole.by_performer and group.viewpoints.by_performer)
             azimuth = float(group.viewpoints.azimuths_deg[v]) if comparable else float("nan")
             rotation_deg = float(np.degrees(group.camera_rotation_rad[v])) if k == 0 else np.nan
             by_id[video.id] = _video(
-                motions[video.id], MM2_PER_M2 * covariance, rotations, azimuth, rotation_deg
+                motions[video.id],
+                MM2_PER_M2 * covariance,
+                rotations,
+                deviations,
+                azimuth,
+                rotation_deg,
             )
     order = [v.id for v in keypoints.videos]
     videos = [by_id[i] for i in order]
@@ -163,6 +169,7 @@ def _video(
     motion: VideoMotion,
     covariance_mm2: Float[np.ndarray, "T 24 3 3"],
     rotations_deg2: Float[np.ndarray, "T 15 3 3"],
+    deviations_deg2: Float[np.ndarray, "T 15 3 3"],
     azimuth_deg: float,
     camera_rotation_deg: float,
 ) -> VideoUncertainty:
@@ -177,6 +184,7 @@ def _video(
         across_mm=across,
         covariance_mm2=covariance_mm2.astype(np.float32),
         rotation_covariance_deg2=rotations_deg2.astype(np.float32),
+        deviation_covariance_deg2=deviations_deg2.astype(np.float32),
         azimuth_deg=azimuth_deg,
         camera_rotation_deg=camera_rotation_deg,
     )

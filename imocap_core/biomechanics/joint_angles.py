@@ -358,7 +358,8 @@ class MeanCurve:
     """An angle over N moments of the action.
 
     mean_deg, sd_deg (N,): over the performances that show the moment (n of them); NaN where none
-    does, and the standard deviation where fewer than two do.
+    does, and the standard deviation where fewer than two do. What videos leave open of their
+    performances is part of it where it is known (`mean_curve`).
     """
 
     mean_deg: Float[np.ndarray, " N"]
@@ -367,11 +368,18 @@ class MeanCurve:
 
 
 def mean_curve(
-    curves_deg: Sequence[Float[np.ndarray, " N"]], inside: Sequence[Bool[np.ndarray, " N"]]
+    curves_deg: Sequence[Float[np.ndarray, " N"]],
+    inside: Sequence[Bool[np.ndarray, " N"]],
+    open_sd_deg: Sequence[Float[np.ndarray, " N"]] = (),
 ) -> MeanCurve:
     """Mean of M curves at N common moments; each is moved by whole turns to lie near the first.
 
-    inside: whether a performance shows the moment.
+    The variance over performances has two parts (law of total variance): that of the solved curves,
+    and what each video leaves open of its own performance. A fit draws performances together where
+    a video says little, so that the first part alone is too small.
+
+    inside: whether a performance shows the moment. open_sd_deg: the second part's root, of each
+    curve; none: unknown.
     """
     values = np.stack([np.where(i, c, np.nan) for c, i in zip(curves_deg, inside, strict=True)])
     for k in range(1, len(values)):
@@ -382,8 +390,10 @@ def mean_curve(
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(n > 0, total / n, np.nan)
         squares = np.where(there, (values - mean) ** 2, 0.0).sum(axis=0)
-        sd = np.where(n > 1, np.sqrt(squares / (n - 1)), np.nan)
-    return MeanCurve(mean, sd, n)
+        variance = np.where(n > 1, squares / (n - 1), np.nan)
+        if len(open_sd_deg):
+            variance += np.where(there, np.stack(open_sd_deg) ** 2, 0.0).sum(axis=0) / n
+    return MeanCurve(mean, np.sqrt(variance), n)
 
 
 def near(

@@ -162,13 +162,16 @@ def export_command(
         Literal["continue", "in-place"] | None,
         typer.Option(help="With --mean: the end blends into the start, which goes on or returns."),
     ] = None,
+    variation: Annotated[
+        bool, typer.Option("--variation", help="The mean and the modes of variation, as clips.")
+    ] = False,
     sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write motion, cameras and sync for other programs."""
     from imocap_core.library.outputs import ExportOptions, export
 
     options = ExportOptions(
-        tuple(video or ()), mean, origin, names, root_bone, scale, lock_feet, loop
+        tuple(video or ()), mean, origin, names, root_bone, scale, lock_feet, loop, variation
     )
 
     console = speaker(markup=False)

@@ -24,7 +24,6 @@ from imocap_core.technique import (
     AlignedPerformances,
     Difference,
     MeanMotion,
-    Modes,
     at_moments,
     consistency,
     difference,
@@ -32,12 +31,12 @@ from imocap_core.technique import (
     heading,
     mean_motion,
     mean_over,
-    modes,
     over_moments,
     spread,
     to_the_front,
     turned_by,
 )
+from imocap_core.variation import Modes, Variation, held_out_errors, modes, number_of_modes
 
 _BODY_JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
 
@@ -48,8 +47,8 @@ class Performances:
 
     instances: facing alike, at the moments of `compared_moments`. clock_s (M, N): seconds of each
     video's own clock at these. shaped: the body that all are put on. fps: moments a second.
-    left_out: performances not among them, and why. error_deg (M, N): the angles' expected errors,
-    where they are known.
+    left_out: performances not among them, and why. error_deg, open_deg (M, N): the angles' expected
+    errors, and these with the motion common to all given; empty where they are not known.
     """
 
     action: str
@@ -59,6 +58,7 @@ class Performances:
     fps: float
     left_out: tuple[str, ...]
     error_deg: dict[str, Float[np.ndarray, "M N"]]
+    open_deg: dict[str, Float[np.ndarray, "M N"]]
 
 
 def performers_of(result: ActionResult) -> list[str]:
@@ -95,7 +95,7 @@ def performances_of(
     )
     moments = compared_moments(instances.inside)
     instances = to_the_front(facing_alike(at_moments(instances, moments)))
-    errors = [video_angles(v, "y", level.ground.tilt_sd_deg).sd_deg for v in used]
+    angles = [video_angles(v, "y", level.ground.tilt_sd_deg) for v in used]
     clocks = [
         frame_positions(result[i].phase_s, instances.phase_s).position / result[i].fps
         for i in instances.ids
@@ -110,8 +110,16 @@ def performances_of(
             *(f"{i}: no place on the common axis" for i in common.left_out),
             *(f"{i}: mirrored" for i in mirrored),
         ),
-        error_deg={n: np.stack([e[n][moments] for e in errors]) for n in SHOWN if all(errors)},
+        error_deg=_shown([a.sd_deg for a in angles], moments),
+        open_deg=_shown([a.deviation_sd_deg for a in angles], moments),
     )
+
+
+def _shown(
+    spreads: list[dict[str, Float[np.ndarray, " _"]]], moments: Bool[np.ndarray, " _"]
+) -> dict[str, Float[np.ndarray, "M N"]]:
+    """Of every angle shown and performance, at some moments; empty where they are not known."""
+    return {n: np.stack([of[n][moments] for of in spreads]) for n in SHOWN if all(spreads)}
 
 
 def compared_moments(inside: Bool[np.ndarray, "M N"]) -> Bool[np.ndarray, " N"]:
@@ -150,8 +158,8 @@ class Technique:
 
     spread_deg, spread_mm (N, J): standard deviation of every joint's rotation and place, NaN where
     fewer than two performances show the moment; joint_deg, joint_mm (J,) their root mean squares.
-    consistency (J,), whole: docs/technique.md. lead_s (M, N): how much later than the mean a
-    performance reaches a moment, its own clock started where all of them are seen first.
+    consistency (J,), whole: docs/technique.md. modes: all of them. lead_s (M, N): how much later
+    than the mean a performance reaches a moment, its own clock started where all are seen first.
     """
 
     performances: Performances
@@ -194,8 +202,23 @@ def describe(performances: Performances) -> Technique:
         joint_mm=over_moments(moved),
         consistency=per_joint,
         whole=whole,
-        modes=modes(mean.turns),
+        modes=modes(mean.turns, mean.shifts),
         lead_s=_lead_s(performances.clock_s, each.inside),
+    )
+
+
+def variation_of(t: Technique) -> Variation:
+    """The distribution of an action's motion over its performances."""
+    errors = held_out_errors(t.mean.shifts, t.performances.fps, np.random.default_rng(0))
+    return Variation(
+        ids=t.instances.ids,
+        phase_s=t.instances.phase_s,
+        joint_names=t.instances.joint_names,
+        R_local=t.mean.R_local,
+        joints=t.mean.joints,
+        modes=t.modes.first(number_of_modes(errors)),
+        held_out=errors,
+        angles=technique_angles(t).mean,
     )
 
 
@@ -337,7 +360,11 @@ def technique_angles(t: Technique) -> TechniqueAngles:
     rest = t.performances.shaped.joints_rest.numpy()[: len(SMPL_JOINTS)]
     of_each = [joint_angles_deg(in_smpl(R), rest) for R in t.instances.R_local]
     inside = list(t.instances.inside)
-    mean = {name: mean_curve([a[name] for a in of_each], inside) for name in SHOWN}
+    left_open = t.performances.open_deg
+    mean = {
+        name: mean_curve([a[name] for a in of_each], inside, [*left_open.get(name, ())])
+        for name in SHOWN
+    }
     each = {
         name: np.stack(
             [

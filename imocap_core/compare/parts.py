@@ -20,7 +20,8 @@ from imocap_core.compare.compare import (
 )
 from imocap_core.figures.style import QUIET, color_of, grid, headline, new_figure
 from imocap_core.files import write_csv
-from imocap_core.technique import SD_APART, Modes, MotionDifference, in_words, largest
+from imocap_core.technique import SD_APART, MotionDifference, in_words, largest
+from imocap_core.variation import LEAST_PERFORMANCES, Modes, Variation
 
 _LEAST_LATE_S = 0.1
 _OF_TWO, _OF_EACH = 8, 3  # sentences about two performers, and about each performance
@@ -232,6 +233,24 @@ def mode_sentences(modes: Modes, names: Sequence[str], count: int = 3) -> list[s
         + ", ".join(f"{in_words(names[j])} {number(deg[j])}°" for j in np.argsort(-deg)[:4])
         for share, deg in zip(modes.share[:count], modes.of_joints(), strict=False)
     ]
+
+
+def modes_known(variation: Variation) -> str:
+    """How many modes hold for further performances, and by how much."""
+    performances, errors = len(variation.ids), variation.held_out
+    if len(errors) == 1:
+        return (
+            f"Whether {performances} performances differ in ways that others of the action share "
+            f"cannot be known; {LEAST_PERFORMANCES} are enough."
+        )
+    count = len(variation.modes.share)
+    if count == 0:
+        return "No mode predicts a performance that it was not learned from: they differ singly."
+    which = "The first holds" if count == 1 else f"The first {count} hold"
+    return (
+        f"{which} for further performances: of one left out, {100 * (1 - errors[count]):.0f} % of "
+        "the deviation of half its joints and moments is predicted from the other half."
+    )
 
 
 def write_course(

@@ -24,6 +24,7 @@ from imocap_core.compare.compare import (
     in_smpl,
     pair_angles,
     technique_angles,
+    variation_of,
 )
 from imocap_core.compare.parts import (
     markdown_list,
@@ -37,6 +38,7 @@ from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.result.video import VideoResult
 from imocap_core.technique import MotionDifference, in_words, over_moments, plain_angle
+from imocap_core.variation import Modes, Variation
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
 from imocap_core.viewer.viewer_video import picture_entry, stride, windows
@@ -92,8 +94,7 @@ def pair_page(
         + parts.chance_sentence(pair, chance)
     )
     return _page(
-        f"{names[0]} and {names[1]}",
-        lead,
+        (f"{names[0]} and {names[1]}", lead),
         pair.first.performances.shaped,
         pair.phase_s,
         bodies,
@@ -107,10 +108,12 @@ def technique_page(
     angles: TechniqueAngles,
     findings: Sequence[MotionDifference],
     videos: Mapping[str, VideoResult],
+    modes: Modes,
 ) -> str:
     """The page of an action's performances, and of their mean where there are more than two.
 
-    videos: by id, for their pictures; there need not be any.
+    videos: by id, for their pictures; there need not be any. modes: that the mean can be moved
+    along.
     """
     each = t.instances
     nothing = np.full(len(each.phase_s), np.nan)
@@ -133,14 +136,14 @@ def technique_page(
         lead, bodies = f"{each.ids[0]} and {each.ids[1]}", bodies[1:]
         curves = {name: of[1:] for name, of in curves.items()}
     return _page(
-        t.action,
-        f"{lead} at the same moments, on one body, facing one way",
+        (t.action, f"{lead} at the same moments, on one body, facing one way"),
         t.performances.shaped,
         each.phase_s,
         bodies,
         curves,
         findings,
         _filmed(t, videos),
+        modes,
     )
 
 
@@ -157,22 +160,23 @@ def _filmed(t: Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed
 
 
 def _page(
-    title: str,
-    lead: str,
+    heading: tuple[str, str],
     shaped: Shaped,
     phase_s: Float[np.ndarray, " N"],
     bodies: Sequence[ShownBody],
     curves: Mapping[str, Sequence[MeanCurve]],
     findings: Sequence[MotionDifference],
     filmed: Mapping[str, Filmed] | None = None,
+    modes: Modes | None = None,
 ) -> str:
+    """heading: title and lead; modes: of the first body, which shows all moments."""
     block, filmed = Block(), filmed or {}
     every = stride([len(each.frames) for each in filmed.values()], _MOST_PICTURES)
     step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
     ends = {"first": float(phase_s[0]), "last": float(phase_s[-1])}
     header = {
-        "title": title,
-        "lead": lead,
+        "title": heading[0],
+        "lead": heading[1],
         "legend": "grid 0.5 m · click joints to measure",
         "reference": "the common time",
         "timeline": {**ends, "step": step, "shared": ends["first"]},
@@ -190,6 +194,12 @@ def _page(
         "angles": [
             {"name": n, "label": plain_angle(n), "curves": [_curve_entry(block, c) for c in of]}
             for n, of in curves.items()
+        ],
+        "modes": [
+            {"share": float(share), "turns": block.add(turns, "f4")}
+            for share, turns in (
+                [] if modes is None else zip(modes.share, modes.turns, strict=True)
+            )
         ],
         "findings": [{"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in findings],
     }
@@ -270,16 +280,18 @@ def write_technique(
         out / "joints.csv", each.phase_s, names,
         {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
     )  # fmt: skip
-    scores = {f"mode{k + 1}_deg": t.modes.scores[:, k] for k in range(len(t.modes.share))}
+    scores = {f"mode{k + 1}_sd": t.modes.scores[:, k] for k in range(len(t.modes.share))}
     parts.write_performances(
         out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
     )
     write_bvh(out / "mean.bvh", mean_clip(t))
     angles = technique_angles(t)
-    findings = technique_findings(t, angles)
-    (out / "report.md").write_text(_report(t, list(pictures), findings), encoding="utf-8")
+    findings, variation = technique_findings(t, angles), variation_of(t)
+    (out / "report.md").write_text(
+        _report(t, variation, list(pictures), findings), encoding="utf-8"
+    )
     (out / "report.html").write_text(
-        technique_page(t, angles, findings, videos or {}), encoding="utf-8"
+        technique_page(t, angles, findings, videos or {}, variation.modes), encoding="utf-8"
     )
     names_ = ["report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh", *pictures]
     return [out / name for name in names_]
@@ -312,7 +324,9 @@ def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
     return np.asarray(1000 * np.sqrt(squares.sum(1) / shown))
 
 
-def _report(t: Technique, pictures: list[str], findings: list[MotionDifference]) -> str:
+def _report(
+    t: Technique, variation: Variation, pictures: list[str], findings: list[MotionDifference]
+) -> str:
     each, names = t.instances, t.instances.joint_names
     several = len(each.ids) > 1
     lines = [
@@ -349,6 +363,8 @@ def _report(t: Technique, pictures: list[str], findings: list[MotionDifference])
             "Ways to differ (modes, at one standard deviation):",
             "",
             *parts.mode_sentences(t.modes, names),
+            "",
+            parts.modes_known(variation),
             "",
         ]
     titles = {"deviation": "Deviation", "timing": "Timing"}

@@ -25,6 +25,8 @@ class ExportOptions:
     that rig: smpl, mixamo, ue5, rigify or, in bvh, lafan1. root_bone: a bone on the floor carries
     the motion. scale: unit of lengths, m or cm. lock_feet: feet in contact with the ground stay
     where they stand.
+    variation: the mean and both ends of each mode of variation, two standard deviations away, as
+    clips on the common timeline, with the distribution as numbers.
     loop: of the mean: continue: its end blends into its start, which goes on from where the body
     has come to; in-place: it ends where it began.
     """
@@ -37,6 +39,7 @@ class ExportOptions:
     scale: str = "m"
     lock_feet: bool = False
     loop: str | None = None
+    variation: bool = False
 
     @property
     def levelled(self) -> bool:
@@ -64,6 +67,8 @@ class ExportOptions:
             raise WrongUse("--names lafan1 is of bvh, without --root-bone")
         if self.scale != "m" and format != "bvh":
             raise WrongUse(f"--scale cm: only bvh has no unit of its own; {format} has one")
+        if self.variation and (self.mean or self.videos):
+            raise WrongUse("--variation is of all performances; leave --mean and --video out")
         if self.mean and self.videos:
             raise WrongUse("--mean is of all performances; leave --video out")
         if self.loop is not None and not self.mean:

@@ -21,6 +21,7 @@ from imocap_core.export.side_files import (
     place,
     write_cameras_and_sync,
     write_notes,
+    write_variation,
 )
 from imocap_core.export.view_file import write_mcap, write_rrd
 from imocap_core.files import draft_folder
@@ -30,10 +31,11 @@ from imocap_core.io.writers.export_npz import write_amass, write_video
 from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
-from imocap_core.result.derived import from_start, mean_performance, turned_y_up
+from imocap_core.result.derived import from_start, mean_performance, mode_clips, turned_y_up
 from imocap_core.result.result import ActionResult, Time
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import shaped_body
+from imocap_core.variation import Variation
 
 DEFAULT_UP = {
     "bvh": "y",
@@ -76,6 +78,7 @@ def export(
     time: Time = "own",
     options: ExportOptions = DEFAULT,
     announce: Announce = lambda step: None,
+    variation: Variation | None = None,
 ) -> Exported:
     """Write a result below the folder `out`.
 
@@ -86,6 +89,7 @@ def export(
         time: own: as the result is; common: all videos at the moments of one grid.
         options: what of it, where its origin is, as what character.
         announce: called before a slow step, the installation of Blender for fbx and usd.
+        variation: its mean and modes instead of the videos.
 
     WrongUse for what a format cannot hold, WorkFailed when the result lacks something, `out` cannot
     be written, or a file there must not be replaced (`placing`).
@@ -100,9 +104,12 @@ def export(
         blender_program(announce)
     up = up or DEFAULT_UP.get(format) or ("y" if options.levelled else None)
     placed = result if up in (None, result.up_axis) else result.levelled(str(up))
-    together = (time == "common" or options.mean) and result.time != "common"
+    one_clip = options.mean or variation is not None
+    together = (time == "common" or one_clip) and result.time != "common"
     written = placed.on_common_time() if together else placed
-    written = mean_performance(written) if options.mean else written.only(options.videos)
+    written = mean_performance(written) if one_clip else written.only(options.videos)
+    if variation is not None:
+        written = mode_clips(written, variation)
     if options.origin == "start":
         first = written.videos[0]
         placed, written = from_start(placed, first), from_start(written, first)
@@ -111,6 +118,7 @@ def export(
         with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written, options)
             files += write_cameras_and_sync(folder, placed)
+            files += [] if variation is None else write_variation(folder, variation)
             notes = notes_of(written, format, options) | {"files": digests_of(files)}
             notes |= {"options": asdict(options)} if options != DEFAULT else {}
             notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}

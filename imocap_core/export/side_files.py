@@ -15,10 +15,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.export_options import LAFAN1, ExportOptions
-from imocap_core.files import sha256_of
+from imocap_core.files import sha256_of, write_csv
 from imocap_core.io.writers.bvh import FPS
 from imocap_core.io.writers.export_npz import (
     BETAS_NOTE,
@@ -32,6 +34,7 @@ from imocap_core.io.writers.text_files import CameraCalibration
 from imocap_core.result.artifacts import run_record
 from imocap_core.result.result import CAMERA_UP, ActionResult
 from imocap_core.result.video import Synchronisation, VideoCamera, VideoResult
+from imocap_core.variation import Variation
 
 NOTES = "export_*.json"
 
@@ -88,6 +91,38 @@ def write_cameras_and_sync(out: Path, result: ActionResult) -> list[Path]:
     """sync.csv and cameras.json, of a result on the videos' own timelines."""
     videos = [npz_values(video, result) for video in result]
     return [write_sync_table(out, result.sync), write_cameras(out, videos, result.reference)]
+
+
+def write_variation(out: Path, variation: Variation) -> list[Path]:
+    """variation.npz with all of it, variation.csv with the angles' bands, scores.csv."""
+    modes, bands = variation.modes, variation.angles
+    np.savez_compressed(
+        out / "variation.npz",
+        ids=variation.ids,
+        phase_s=variation.phase_s,
+        joint_names=variation.joint_names,
+        mean_R_local=variation.R_local,
+        mean_joints_m=variation.joints,
+        mode_share=modes.share,
+        mode_turns_rad=modes.turns,
+        mode_shifts_m=modes.shifts,
+        scores_sd=modes.scores,
+        held_out=variation.held_out,
+        angles=list(bands),
+        angle_mean_deg=np.stack([band.mean_deg for band in bands.values()]),
+        angle_sd_deg=np.stack([band.sd_deg for band in bands.values()]),
+    )
+    phase = [f"{t:.4f}" for t in variation.phase_s]
+    rows = [
+        [t, name, *(f"{x:.3f}" for x in numbers)]
+        for name, band in bands.items()
+        for t, *numbers in zip(phase, band.mean_deg, band.sd_deg, strict=True)
+    ]
+    write_csv(out / "variation.csv", ["phase_s", "angle", "mean_deg", "sd_deg"], rows)
+    head = ["video", *(f"mode{k + 1}_sd" for k in range(len(modes.share)))]
+    scores = zip(variation.ids, modes.scores, strict=True)
+    write_csv(out / "scores.csv", head, [[v, *(f"{x:.3f}" for x in row)] for v, row in scores])
+    return [out / name for name in ("variation.npz", "variation.csv", "scores.csv")]
 
 
 def write_sync_table(out: Path, sync: Synchronisation) -> Path:

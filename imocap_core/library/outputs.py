@@ -12,7 +12,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.export_options import ExportOptions as ExportOptions
 from imocap_core.files import record_made
 from imocap_core.library.api_errors import Params, one_off, plain_errors
-from imocap_core.library.result import Result, html_file
+from imocap_core.library.result import Result, exported, html_file
 from imocap_core.library.status import report_page
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.generation import generation, run_command
@@ -99,13 +99,11 @@ def export(
     announce: called before a slow step: the installation of Blender, for fbx and usd.
     """
     from imocap_core.export.formats import DEFAULT, check_format
-    from imocap_core.export.formats import export as write
 
     check_format(format, up)
-    chosen = DEFAULT if options is None else options
-    chosen.check(format)
+    (options or DEFAULT).check(format)
     result = result_of(action, root, params)
-    return write(result, format, output_folder(out), up, time, chosen, announce)
+    return exported(result, format, output_folder(out), up, time, options, announce)
 
 
 @plain_errors

@@ -17,6 +17,8 @@ from imocap_core.result.result import ActionResult, Time
 
 if TYPE_CHECKING:
     from imocap_core.export.export_options import ExportOptions
+    from imocap_core.export.formats import Exported
+    from imocap_core.variation import Variation
 
 MotionStage = Literal["refine_sync", "smpl_ba"]
 
@@ -32,9 +34,17 @@ class Result(ActionResult):
     def verdict(self) -> Verdict | None:
         """What to know about this result, without truth: `print(result.verdict)` gives three
         sentences, `.findings` the reasons. None before the stage refine_sync has run."""
-        from imocap_core.result.verdict import verdict_of_artifacts
+        from imocap_core.result.artifacts import verdict_of_artifacts
 
         return verdict_of_artifacts(self.artifacts)
+
+    @cached_property
+    def variation(self) -> Variation:
+        """How the performances differ: mean motion, modes of variation with every performance's
+        scores, and bands of the joint angles. WorkFailed for fewer than two performances."""
+        from imocap_core.compare.compare import describe, performances_of, several, variation_of
+
+        return variation_of(describe(several(performances_of(self))))
 
     @plain_errors
     def export(
@@ -53,14 +63,13 @@ class Result(ActionResult):
             out: folder to write to.
             up: y or z: level the world by the ground, this axis up; None: as usual for the format.
             time: own: every video's own frames; common: all videos in lock-step.
-            options: which videos or their mean, origin, names and rest pose of a rig, root bone.
+            options: which videos, their mean or its modes of variation, origin, names and rest pose
+                of a rig, root bone.
 
         Returns:
             The files. WorkFailed and WrongUse as of `imocap export`.
         """
-        from imocap_core.export.formats import DEFAULT, export
-
-        return export(self, format, Path(out), up, time, options or DEFAULT).files
+        return exported(self, format, Path(out), up, time, options).files
 
     @plain_errors
     def view(self, out: str | Path) -> Path:
@@ -112,6 +121,25 @@ class Result(ActionResult):
         from imocap_core.result.read import read_result
 
         return read_result(artifacts_of_stages(action.name, stored), cls, action.folder, stage)
+
+
+def exported(
+    result: Result,
+    format: str,
+    out: Path,
+    up: str | None,
+    time: Time,
+    options: ExportOptions | None,
+    announce: Callable[[str], None] = lambda step: None,
+) -> Exported:
+    """The files of `Result.export`, and remarks; announce: called before a slow step."""
+    from imocap_core.export.formats import DEFAULT, check_format, export
+
+    chosen = options or DEFAULT
+    check_format(format, up)
+    chosen.check(format)
+    variation = result.variation if chosen.variation else None
+    return export(result, format, out, up, time, chosen, announce, variation)
 
 
 @plain_errors

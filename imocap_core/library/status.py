@@ -79,8 +79,7 @@ def verdict(
     if "refine_sync" not in stored:
         return None
     from imocap_core.diagnostics.findings import verdict_document
-    from imocap_core.result.artifacts import artifacts_of_stages
-    from imocap_core.result.verdict import verdict_of_artifacts
+    from imocap_core.result.artifacts import artifacts_of_stages, verdict_of_artifacts
 
     judged = verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
     return None if judged is None else verdict_document(judged)

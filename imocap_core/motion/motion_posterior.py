@@ -20,7 +20,7 @@ of a depth flip, or taken for its twin, is not covered by any of these numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -310,7 +310,7 @@ class MotionPosterior:
         covariances_m2: per video (T_v, 24, 3, 3), the video's camera axes, joints about the middle
             of the hips; NaN where the normal matrix was not positive definite.
         rotations_rad2: per video (T_v, K, 3, 3) of the rotations that `motion_posterior` was asked
-            for; NaN likewise.
+            for; deviations_rad2: the same with the motion common to all videos given. NaN likewise.
         camera_rotation_rad: per video the standard deviation of its camera's rotation.
         motion: the motion seen by all videos (batch of 1, world axes; a single video's own).
         terms: whose normal matrix at the motion was inverted; common: None for one video.
@@ -318,6 +318,7 @@ class MotionPosterior:
 
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
     rotations_rad2: list[Float[np.ndarray, "_ K 3 3"]]
+    deviations_rad2: list[Float[np.ndarray, "_ K 3 3"]]
     camera_rotation_rad: list[float]
     motion: MotionState
     terms: list[Term]
@@ -326,11 +327,12 @@ class MotionPosterior:
 
 @dataclass(frozen=True)
 class _VideoCovariance:
-    """Covariances of a video's joints and rotations, of its body's shape as yet unknown, and its
-    information about the shape (10, 10)."""
+    """Covariances of a video's joints and rotations, and of these with the common motion given, of
+    its body's shape as yet unknown, and its information about the shape (10, 10)."""
 
     joints: VectorCovariance
     rotations: VectorCovariance
+    deviations: VectorCovariance
     schur: Tensor
 
 
@@ -383,9 +385,11 @@ def motion_posterior(
         )
         for p in range(max(performers) + 1)
     ]
+    of_videos = [shapes[p] for p in performers]
     return MotionPosterior(
-        [_in_numpy(v.joints, shapes[p]) for v, p in zip(by_video, performers, strict=True)],
-        [_in_numpy(v.rotations, shapes[p]) for v, p in zip(by_video, performers, strict=True)],
+        _in_numpy([v.joints for v in by_video], of_videos),
+        _in_numpy([v.rotations for v in by_video], of_videos),
+        _in_numpy([v.deviations for v in by_video], of_videos),
         [common.camera_rotation_sd_rad(v) for v in range(videos)],
         common.evidence.motion,
         common.terms,
@@ -402,9 +406,11 @@ def _of_single_video(
 ) -> MotionPosterior:
     (fit,) = per_video_fits(noise.scene(scene, 1), state, None, options, noise)
     video = _video_covariance(scene, fit, lambda piece: piece.given_shape, rotation_rows)
-    shape = torch.linalg.inv(video.schur)
-    joints, rotations = _in_numpy(video.joints, shape), _in_numpy(video.rotations, shape)
-    return MotionPosterior([joints], [rotations], [0.0], state, fit.terms, None)
+    shape = [torch.linalg.inv(video.schur)]
+    joints, rotations, deviations = (
+        _in_numpy([of], shape) for of in (video.joints, video.rotations, video.deviations)
+    )
+    return MotionPosterior(joints, rotations, deviations, [0.0], state, fit.terms, None)
 
 
 def _video_covariance(
@@ -415,19 +421,27 @@ def _video_covariance(
 ) -> _VideoCovariance:
     """given_shape: covariance of the video's increments in some frames, the shape known."""
 
-    def of_piece(piece: PosteriorPiece) -> tuple[VectorCovariance, VectorCovariance]:
+    def of_piece(piece: PosteriorPiece) -> list[VectorCovariance]:
         given = given_shape(piece), piece.response
         joints = joint_jacobian(scene.body, fit.state, piece.frames)
         turned = of_whole_frame(rotation_rows(fit.state.of_frames(piece.frames)))
-        return vector_covariance(*joints, *given), vector_covariance(turned, None, *given)
+        return [
+            vector_covariance(*joints, *given),
+            vector_covariance(turned, None, *given),
+            vector_covariance(turned, None, piece.given_shape, piece.response),
+        ]
 
     parts, schur = per_video_posterior(fit, of_piece)
-    of_joints, of_rotations = zip(*parts, strict=True)
-    return _VideoCovariance(joined(of_joints), joined(of_rotations), schur)
+    joints, rotations, deviations = map(joined, zip(*parts, strict=True))
+    return _VideoCovariance(joints, rotations, deviations, schur)
 
 
-def _in_numpy(vectors: VectorCovariance, shape: Tensor) -> Float[np.ndarray, "T K 3 3"]:
-    return np.asarray(vectors.covariance(shape).cpu().numpy())
+def _in_numpy(
+    videos: Sequence[VectorCovariance], shapes: Sequence[Tensor]
+) -> list[Float[np.ndarray, "_T K 3 3"]]:
+    """Of every video's vectors, given its shape's covariance."""
+    pairs = zip(videos, shapes, strict=True)
+    return [np.asarray(of.covariance(shape).cpu().numpy()) for of, shape in pairs]
 
 
 def nearest_reference(to_reference: Float[np.ndarray, " T"], frames: int) -> Int[np.ndarray, " T"]:

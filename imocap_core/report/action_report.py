@@ -62,8 +62,7 @@ def verdict_of_run(job: Job, outcomes: Sequence[Outcome]) -> Verdict | None:
             return read_verdict((folder / FILE).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             pass  # written by an older program, or removed
-    from imocap_core.result.artifacts import artifacts_of_stages
-    from imocap_core.result.verdict import verdict_of_artifacts
+    from imocap_core.result.artifacts import artifacts_of_stages, verdict_of_artifacts
 
     return verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
 

@@ -45,10 +45,9 @@ from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_files import PAGE, TEXT, links
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import Picture, read_contents
-from imocap_core.result.artifacts import artifacts_of_stages
+from imocap_core.result.artifacts import artifacts_of_stages, verdict_of_artifacts
 from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult
-from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.workers import thread_map
 from imocap_core.workspace import video_files
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -22,6 +22,9 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
+
+if TYPE_CHECKING:
+    from imocap_core.diagnostics.findings import Verdict
 
 STAGE_OF: Mapping[type[Artifact], str] = {
     Keypoints: "keypoints",
@@ -135,3 +138,17 @@ def run_record(artifacts: Artifacts) -> dict[str, Any]:
         record["seed"] = seed if record["seed"] is None else record["seed"]
         record["params"] |= params or {}
     return record
+
+
+def verdict_of_artifacts(artifacts: Artifacts) -> Verdict | None:
+    """The verdict on an action; None before the stage refine_sync has run."""
+    from imocap_core.adapters.redetection import with_redetected
+    from imocap_core.diagnostics.action_verdict import verdict_of
+
+    keypoints, refined = artifacts.find(Keypoints), artifacts.find(RefineSync)
+    if keypoints is None or refined is None:
+        return None
+    cameras, again = artifacts.find(CameraMotion), artifacts.find(Redetect)
+    if cameras is not None and again is not None:
+        keypoints, cameras = with_redetected(keypoints, cameras, again)
+    return verdict_of(keypoints, cameras, refined, artifacts.find(Uncertainty))

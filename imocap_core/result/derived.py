@@ -18,7 +18,8 @@ from imocap_core.result.body import body_model, local_rotations, posed_joints
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import moved, video_angles
-from imocap_core.rotations import log, mean
+from imocap_core.rotations import exp, log, mean
+from imocap_core.variation import Variation
 
 Kind = TypeVar("Kind", bound=ActionResult)
 POINTS = [SMPL_JOINTS.index(f"{s}_{p}") for s in ("left", "right") for p in ("ankle", "foot")]
@@ -157,6 +158,28 @@ def mean_performance(result: Kind) -> Kind:
     return replace(result, videos=(clip,), reference=NAME)
 
 
+END_SD = 2.0  # standard deviations from the mean to an end of a mode
+
+
+def mode_clips(mean: Kind, variation: Variation) -> Kind:
+    """A result of clips: the mean performance, and both ends of each mode of variation.
+
+    mean: of `mean_performance`. Moments that the variation is not known at turn as its nearest.
+    """
+    (clip,) = mean.videos
+    R = local_rotations(clip.theta)
+    joints = len(variation.joint_names)
+    nearest = np.interp(clip.phase_s, variation.phase_s, np.arange(len(variation.phase_s)))
+    videos = [clip]
+    for k, turns in enumerate(variation.modes.turns[:, np.rint(nearest).astype(np.int64)]):
+        for sign, end in ((1, "plus"), (-1, "minus")):
+            turned = R.copy()
+            turned[:, :joints] = R[:, :joints] @ exp(torch.as_tensor(sign * END_SD * turns)).numpy()
+            name = f"mode{k + 1}_{end}"
+            videos.append(replace(_with_motion(clip, turned, clip.trans), id=name))
+    return replace(mean, videos=tuple(videos))
+
+
 def fade(inside: Bool[np.ndarray, " T"], fps: float) -> Float[np.ndarray, " T"]:
     """Weights that rise from 0 outside to 1 within `FADE_S` of the first and last moment shown."""
     shown = np.flatnonzero(inside)
@@ -183,7 +206,14 @@ def mean_angles(result: ActionResult) -> MeanAngles:
     """Mean joint angles of a result on the common time axis, in a world whose y points up."""
     each = [video_angles(video) for video in result]
     inside = [video.inside for video in result]
-    curves = {n: mean_curve([a.angles_deg[n] for a in each], inside) for n in angle_names()}
+    curves = {
+        n: mean_curve(
+            [a.angles_deg[n] for a in each],
+            inside,
+            [a.deviation_sd_deg[n] for a in each if n in a.deviation_sd_deg],
+        )
+        for n in angle_names()
+    }
     return MeanAngles(result.videos[0].phase_s, curves)
 
 

@@ -197,6 +197,7 @@ def _uncertainty(given: VideoUncertainty | None) -> JointUncertainty | None:
         given.sigma_mm,
         given.covariance_mm2,
         given.rotation_covariance_deg2,
+        given.deviation_covariance_deg2,
         given.camera_rotation_deg,
     )
 

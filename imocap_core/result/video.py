@@ -287,13 +287,15 @@ class JointUncertainty:
 
     sigma_mm (T, 24): root of the covariance's trace. covariance_mm2 (T, 24, 3, 3): in the axes of
     the camera's first used frame. rotation_covariance_deg2 (T, 15, 3, 3): of the anatomical
-    joints' rotations, in the axes of their distal segments. camera_sd_deg: of the camera's rotation
-    about the reference's, three axes together. NaN where unknown.
+    joints' rotations, in the axes of their distal segments; deviation_covariance_deg2: the same
+    with the motion common to all videos given. camera_sd_deg: of the camera's rotation about the
+    reference's, three axes together. NaN where unknown.
     """
 
     sigma_mm: Float[np.ndarray, "T 24"]
     covariance_mm2: Float[np.ndarray, "T 24 3 3"]
     rotation_covariance_deg2: Float[np.ndarray, "T 15 3 3"]
+    deviation_covariance_deg2: Float[np.ndarray, "T 15 3 3"]
     camera_sd_deg: float
 
 

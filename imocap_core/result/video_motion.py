@@ -69,12 +69,14 @@ class VideoAngles:
 
     angles_deg: by name, (T,); NaN where an angle is not defined. sd_deg: standard deviations; none
     of wrists and pronation, which keypoints of the body do not show (`UNKNOWN`), and none at all
-    where the stage uncertainty has not run.
+    where the stage uncertainty has not run. deviation_sd_deg: the same with the motion common to
+    all videos given: of the performance's deviation from it.
     """
 
     id: str
     angles_deg: dict[str, Float[np.ndarray, " T"]]
     sd_deg: dict[str, Float[np.ndarray, " T"]]
+    deviation_sd_deg: dict[str, Float[np.ndarray, " T"]]
 
 
 def video_angles(video: VideoResult, up: str = "y", tilt_sd_deg: float = np.nan) -> VideoAngles:
@@ -85,16 +87,22 @@ def video_angles(video: VideoResult, up: str = "y", tilt_sd_deg: float = np.nan)
     R, rest = body_rotations(video, up), rest_joints_m(video)
     angles, uncertain = joint_angles_deg(R, rest), video.joint_uncertainty
     if uncertain is None:
-        return VideoAngles(video.id, angles, {})
-    sd = angle_spreads_deg(
-        R,
-        rest,
-        uncertain.rotation_covariance_deg2.astype(np.float64),
-        tilt_sd_deg=tilt_sd_deg,
-        camera_sd_deg=uncertain.camera_sd_deg,
+        return VideoAngles(video.id, angles, {}, {})
+
+    def spreads(covariance_deg2: np.ndarray, **world: float) -> dict[str, Float[np.ndarray, " T"]]:
+        sd = angle_spreads_deg(R, rest, covariance_deg2.astype(np.float64), **world)
+        return {name: x for name, x in sd.items() if not any(part in name for part in UNKNOWN)}
+
+    return VideoAngles(
+        video.id,
+        angles,
+        spreads(
+            uncertain.rotation_covariance_deg2,
+            tilt_sd_deg=tilt_sd_deg,
+            camera_sd_deg=uncertain.camera_sd_deg,
+        ),
+        spreads(uncertain.deviation_covariance_deg2, tilt_sd_deg=0.0),
     )
-    shown = {name: x for name, x in sd.items() if not any(part in name for part in UNKNOWN)}
-    return VideoAngles(video.id, angles, shown)
 
 
 def body_rotations(video: VideoResult, up: str = "y") -> Float[np.ndarray, "T 24 3 3"]:
@@ -232,6 +240,7 @@ def _resampled(
             sigma_mm=values_at(uncertain.sigma_mm, m.position),
             covariance_mm2=values_at(uncertain.covariance_mm2, m.position),
             rotation_covariance_deg2=values_at(uncertain.rotation_covariance_deg2, m.position),
+            deviation_covariance_deg2=values_at(uncertain.deviation_covariance_deg2, m.position),
         ),
         frames=values_at(video.frames.astype(np.float64), m.position),
         reprojection_px=values_at(video.reprojection_px, m.position),

@@ -25,7 +25,7 @@ from scipy.special import expit, logit
 
 from imocap_core.sync.affinity import DistanceMatrix
 from imocap_core.sync.maps import blocks_of_frames
-from imocap_core.sync.time_axis import PairMaps, composed
+from imocap_core.sync.time_axis import PairMaps
 
 DISTINCT = 1.6  # times the distance of the match: a shifted map that fits worse is no alternative
 LEAST_S, SLACK_S = 0.4, 0.1  # of a repetition; a shifted match may lie this much beside it
@@ -258,9 +258,7 @@ def _disagreement(route: Route, positions: np.ndarray, pairs: PairMaps) -> np.nd
     """Median distance (T,), frames of the reference, of the pairwise maps, direct and through each
     other video, from the match; that of the reach where no map leads there."""
     v, r = route.v, route.reference
-    others = {i for i, _ in pairs.positions} - {v, r}
-    routes = [pairs.positions[v, r]]
-    routes += [composed(pairs.positions[v, u], pairs.positions[u, r]) for u in sorted(others)]
+    routes = [pairs.positions[v, r], *pairs.through(v, r)]
     away = np.abs(np.stack(routes) - positions)
     out = np.full(len(positions), route.reach_frames)
     some = np.isfinite(away).any(axis=0)

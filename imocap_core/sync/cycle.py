@@ -36,7 +36,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
 from jaxtyping import Float
@@ -113,8 +112,8 @@ def softmap(maps: BlockMaps, *, rounds: int = 2) -> tuple[BlockMaps, CycleReport
     """
     if rounds < 1:
         raise ValueError(f"rounds: expected at least 1, got {rounds}")
-    every = list(permutations(range(len(maps.blocks.lengths)), 2))
-    maps = BlockMaps(maps.blocks, {(i, j): row_stochastic(maps.pair(i, j)) for i, j in every})
+    every = list(maps.pairs)
+    maps = BlockMaps(maps.blocks, {pair: row_stochastic(maps.pairs[pair]) for pair in every})
     change = []
     for _ in range(rounds):
         weighted = {
@@ -133,9 +132,12 @@ def softmap(maps: BlockMaps, *, rounds: int = 2) -> tuple[BlockMaps, CycleReport
 
 
 def _composed(weighted: dict[tuple[int, int], BandedMap], i: int, j: int) -> np.ndarray:
-    """Sum (T_i, T_j) over all videos k of P_ik P_kj, i and j themselves included."""
+    """Sum (T_i, T_j) over all videos k that both are compared with of P_ik P_kj, i and j themselves
+    included."""
     total: np.ndarray = 2 * weighted[i, j].dense()
     for k in {a for a, _ in weighted} - {i, j}:
+        if (i, k) not in weighted or (k, j) not in weighted:
+            continue
         second = weighted[k, j]
         whole = second.dense()
         for rows, columns, values in weighted[i, k]:

@@ -39,6 +39,7 @@ from imocap_core.sync.reference import (
     compared_pairs,
     coverage,
     hard_anchor_maps,
+    hubs_of,
     through_hard_anchors,
 )
 from imocap_core.sync.screening.screening import Screening, not_screened
@@ -133,12 +134,16 @@ def synchronise_jointly(
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
     affinity = affinities(distances, params.affinity)
-    compared = compared_pairs(distances, clocks, params)
+    hubs = hubs_of(distances, eligible, videos.reference)
+    compared = compared_pairs(distances, clocks, params, hubs)
     matched, pairs, centralities = compared.matched, compared.pairs, compared.centralities
+    of_hubs = np.where([v in hubs for v in range(len(lengths))], centralities, -1.0)
     chosen = videos.reference
     if chosen is None:
         pace = pace_spread(pairs, lengths, clocks)
-        chosen = chosen_reference(centralities, pace, coverage(matched, blocks), eligible)
+        able = [v in hubs and allowed for v, allowed in enumerate(eligible)]
+        able = able if any(able) else [v in hubs for v in range(len(lengths))]
+        chosen = chosen_reference(centralities, pace, coverage(matched, blocks), able)
 
     evidence = compared.soft_maps
     if params.warp == "dtw":
@@ -147,7 +152,7 @@ def synchronise_jointly(
     relaxed, report = relax(params.method, evidence, rounds=params.rounds, rng=rng)
     if params.warp == "posterior":
         del evidence, compared  # their memory is needed
-        choice = AxisChoice(clocks, hints, pairs, chosen, centralities)
+        choice = AxisChoice(clocks, hints, pairs, chosen, of_hubs)
         frames, masses, axis = refined_over_axes(
             choice, distances, relaxed, matched, params, videos.reprojection
         )

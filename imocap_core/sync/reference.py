@@ -1,5 +1,8 @@
 """The reference video: the central one, from every video compared with every other.
 
+Of many videos each is compared with a few central ones, the hubs, alone, so that time grows with
+the videos and not with their pairs. One of the hubs is the reference.
+
 The reference video: of the central ones, to which the frames of the others are most similar, the
 one that shows most of them; of several that do, the one that goes most steadily through the action.
 Centralities of good videos lie close together, and noise decides between them; how much of the
@@ -213,9 +216,34 @@ def _in_order(points: dict[int, float]) -> list[tuple[int, float]]:
     return list(zip(rows, np.maximum.accumulate([points[r] for r in rows]).tolist(), strict=True))
 
 
+MOST_HUBS = 8  # videos that all others are compared with, where there are more than twice as many
+
+
+def hubs_of(
+    distances: DistanceMatrix, eligible: Sequence[bool], reference: int | None
+) -> list[int]:
+    """The videos that every other one is compared with: all, or of many those whose poses are
+    nearest to the others'.
+
+    Args:
+        eligible: those to prefer; reference: is one of them, where it is given.
+    """
+    M = len(distances.poses)
+    if M <= 2 * MOST_HUBS:
+        return list(range(M))
+    far = np.zeros(M)
+    for u, v in permutations(range(M), 2):
+        nearest = np.min(np.nan_to_num(distances.block(u, v), nan=np.inf), axis=1)
+        far[v] += float(np.minimum(nearest, distances.unrelated_square).mean())
+    far += np.where(eligible, 0.0, far.max())
+    if reference is not None:
+        far[reference] = -1.0
+    return sorted(np.argsort(far, kind="stable")[:MOST_HUBS].tolist())
+
+
 @dataclass(frozen=True)
 class PairComparison:
-    """Maps between all videos.
+    """Maps between all videos; of many, from and to the hubs.
 
     Attributes:
         soft_maps: P(position in another video | frame).
@@ -231,13 +259,17 @@ class PairComparison:
     centralities: Float[np.ndarray, " M"]
 
 
-def compared_pairs(distances: DistanceMatrix, clocks: Clocks, params: SyncParams) -> PairComparison:
+def compared_pairs(
+    distances: DistanceMatrix, clocks: Clocks, params: SyncParams, hubs: Sequence[int]
+) -> PairComparison:
     """One pair after another; soft maps are stored as bands, in single precision."""
     blocks, M = distances.blocks, len(distances.poses)
-    matched, similarity = np.ones((blocks.total, M)), np.ones((M, M))
+    matched, similarity = np.ones((blocks.total, M)), np.full((M, M), np.nan)
     soft_maps: dict[tuple[int, int], BandedMap] = {}
     positions, confidence = {}, {}
     for i, j in permutations(range(M), 2):
+        if i not in hubs and j not in hubs:
+            continue
         soft_map, p_matched = pairwise_soft_map(i, j, distances, clocks, params)
         reach = params.confidence_reach_s * clocks.action_fps[j]
         positions[i, j], confidence[i, j] = map_of_pair(soft_map, p_matched, reach)
@@ -246,9 +278,7 @@ def compared_pairs(distances: DistanceMatrix, clocks: Clocks, params: SyncParams
         similarity[i, j] = mean_similarity(soft_map, p_matched, squares, distances)
         matched[blocks.rows(i), j] = p_matched
         soft_maps[i, j] = soft_map.astype(np.float32)
-    centralities = np.array(
-        [np.mean(np.delete(similarity[:, v], v)) if M > 1 else 1.0 for v in range(M)]
-    )
+    centralities = np.nanmean(similarity, axis=0) if M > 1 else np.ones(1)
     return PairComparison(
         BlockMaps(blocks, soft_maps), matched, PairMaps(positions, confidence), centralities
     )

@@ -37,7 +37,7 @@ from imocap_core.sync.warp.template import mass_within, median_positions
 
 @dataclass(frozen=True)
 class PairMaps:
-    """Maps from every video to every other one, pair by pair.
+    """Maps from every video to every other one, pair by pair; of many videos not of all pairs.
 
     Attributes:
         positions: [i, j]: fractional frames of j for the frames of i, NaN unmatched.
@@ -46,6 +46,16 @@ class PairMaps:
 
     positions: dict[tuple[int, int], Float[np.ndarray, "_T"]]
     confidence: dict[tuple[int, int], Float[np.ndarray, "_T"]]
+
+    def through(self, v: int, target: int) -> list[Float[np.ndarray, "_T"]]:
+        """Positions of a video's frames in another, through every third one that both have maps
+        with."""
+        others = sorted({i for i, _ in self.positions} - {v, target})
+        return [
+            composed(self.positions[v, u], self.positions[u, target])
+            for u in others
+            if (v, u) in self.positions and (u, target) in self.positions
+        ]
 
 
 @dataclass(frozen=True)
@@ -93,9 +103,11 @@ def composed(
 def cycle_residuals(
     pairs: PairMaps, lengths: Sequence[int], fps: Sequence[float]
 ) -> list[CycleResidual]:
-    """All triples of videos a < b < c, each cycle in both directions."""
+    """All triples of videos a < b < c with maps among them, each cycle in both directions."""
     residuals = []
     for a, b, c in combinations(range(len(lengths)), 3):
+        if not all(pair in pairs.positions for pair in ((a, b), (a, c), (b, c))):
+            continue
         distances, count = [], 0
         for second, third in ((b, c), (c, b)):
             there = composed(pairs.positions[a, second], pairs.positions[second, third])
@@ -123,13 +135,10 @@ def left_out_disagreement(
     M = len(lengths)
     frames, share = np.full(M, np.nan), np.full(M, np.nan)
     for v in range(M):
-        others = [u for u in range(M) if u not in (v, reference)]
-        if v == reference or not others:
+        through_others = [] if v == reference else pairs.through(v, reference)
+        if not through_others:
             continue
-        direct = pairs.positions[v, reference]
-        indirect = np.stack(
-            [composed(pairs.positions[v, u], pairs.positions[u, reference]) for u in others]
-        )
+        direct, indirect = pairs.positions[v, reference], np.stack(through_others)
         some = np.isfinite(indirect).any(axis=0)
         through = np.full(lengths[v], np.nan)
         through[some] = np.nanmedian(indirect[:, some], axis=0)
@@ -309,7 +318,7 @@ def pace_spread(pairs: PairMaps, lengths: Sequence[int], clocks: Clocks) -> Floa
     two videos neither is known to be the one that varies: both have half.
     """
     M = len(lengths)
-    videos = list(combinations(range(M), 2))
+    videos = [pair for pair in combinations(range(M), 2) if pair in pairs.positions]
     shared = np.array([_pace_variance(pairs, pair, lengths, clocks) for pair in videos])
     measured = np.isfinite(shared)
     if not measured.any():

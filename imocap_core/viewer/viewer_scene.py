@@ -29,9 +29,9 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.diagnostics.findings import Finding
 from imocap_core.errors import WorkFailed
 from imocap_core.files import is_whole_page, write_whole
+from imocap_core.result.artifacts import verdict_of_artifacts
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
-from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import body_model_of, contact_frames
 from imocap_core.viewer import html as viewer

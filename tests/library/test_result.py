@@ -228,6 +228,7 @@ def test_uncertainty_is_in_world_axes(made: Made) -> None:
                 id=v, frames=100 + np.arange(n), sigma_mm=np.sqrt(trace), depth_mm=trace,
                 across_mm=trace, covariance_mm2=covariances[v].astype(np.float32), azimuth_deg=0.0,
                 rotation_covariance_deg2=covariances[v][:, :15].astype(np.float32),
+                deviation_covariance_deg2=covariances[v][:, :15].astype(np.float32),
             )
         )  # fmt: skip
     made.publish(

@@ -138,7 +138,11 @@ def test_a_keypoints_spread_is_half_its_own() -> None:
     one = np.zeros((1, 1, 4))
     one[..., 0] = 0.08
     np.testing.assert_allclose(pooled_spread_m(one)[0, 0], [np.sqrt(0.004), *[np.sqrt(0.0008)] * 3])
-    np.testing.assert_allclose(pooled_spread_m(0 * one), LEAST_SPREAD_M)
+    np.testing.assert_allclose(pooled_spread_m(0 * one), LEAST_SPREAD_M[0])
+    once = np.zeros((1, 30, 4))
+    once[0, 0] = 0.24
+    np.testing.assert_allclose(pooled_spread_m(once)[0, 1:], once.mean())
+    np.testing.assert_allclose(pooled_spread_m(10 * once)[0, 1:], LEAST_SPREAD_M[1])
 
 
 def test_medians_leave_out_what_is_not_known() -> None:

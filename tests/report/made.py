@@ -168,6 +168,7 @@ class Made:
                     id=video, frames=frames, sigma_mm=all_, depth_mm=all_ / np.sqrt(3),
                     across_mm=all_ * np.sqrt(2 / 3), covariance_mm2=covariance.astype(np.float32),
                     rotation_covariance_deg2=covariance[:, :15].astype(np.float32), azimuth_deg=0.0,
+                    deviation_covariance_deg2=covariance[:, :15].astype(np.float32),
                 )
             )  # fmt: skip
         return Uncertainty(

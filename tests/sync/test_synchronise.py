@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import SyncEvidence, SyncResult, axes, synchronise
+from imocap_core.sync import SyncEvidence, SyncResult, axes, reference, synchronise
 
 PARAMS = SyncParams(
     affinity="reciprocal",
@@ -189,6 +189,19 @@ def test_any_number_of_videos(count: int) -> None:
     assert result.status
     if count > 1:
         assert error_s(phases, result.reference_frame, result.reference).mean() < 0.04
+
+
+def test_of_many_videos_each_is_compared_with_a_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reference, "MOST_HUBS", 2)
+    rng = np.random.default_rng(10)
+    phases = [np.linspace(0.1 * v, 4.0 + 0.1 * v, 40) for v in range(6)]
+    result = run([estimated(p, rng) for p in phases])
+    compared = {v for v in range(6) if sum(v in pair for pair in result.relaxed.pairs) == 10}
+    assert len(compared) == 2
+    assert result.reference in compared
+    assert len(result.relaxed.pairs) == 18  # of 30
+    assert all(np.isfinite(f).mean() > 0.7 for f in result.reference_frame)
+    assert error_s(phases, result.reference_frame, result.reference).mean() < 0.04
 
 
 @LONG

@@ -170,6 +170,8 @@ class VideoUncertainty(Value):
     covariance_mm2: Annotated[Floats32, Shape("T", 24, 3, 3)]
     # Of the anatomical joints (`biomechanics/joint_angles.py`), in the axes of the distal segment
     rotation_covariance_deg2: Annotated[Floats32, Shape("T", 15, 3, 3)]
+    # The same with the motion common to all videos given: of the video's deviation from it
+    deviation_covariance_deg2: Annotated[Floats32, Shape("T", 15, 3, 3)]
     azimuth_deg: float  # of its camera about the performer; excluded: by its own motion, or NaN
     camera_rotation_deg: float = float("nan")  # about the reference's camera, three axes together
 

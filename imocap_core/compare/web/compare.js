@@ -10,6 +10,37 @@ const jointOf = (page, angle) => {
   return at < 0 ? null : at;
 };
 
+// The first body along its modes of variation: scores, in standard deviations.
+function makeModes(page, shown) {
+  const answer = page.videos[0].answers.final, mean = answer.rotations, count = page.model.parents.length;
+  const scores = page.modes.map(() => 0);
+  const move = () => {
+    answer.rotations = mean.map((q, i) => {
+      const joint = i % count, at = 3 * (Math.floor(i / count) * BODY_JOINTS + joint);
+      if (joint >= BODY_JOINTS) return q;
+      return quatTimes(q, quatOf(...[0, 1, 2].map((k) => page.modes.reduce((sum, { turns }, m) => sum + scores[m] * turns[at + k], 0))));
+    });
+    sliders.forEach((slider, m) => { slider.value = scores[m]; slider.title = `${scores[m].toFixed(1)} standard deviations`; });
+    shown();
+  };
+  const set = (next) => { scores.forEach((_, m) => { scores[m] = next(m); }); move(); };
+  const sliders = page.modes.map(({ share }, m) => {
+    const label = $("modes").appendChild(document.createElement("label"));
+    const slider = Object.assign(document.createElement("input"), { type: "range", min: -3, max: 3, step: 0.1, value: 0 });
+    slider.setAttribute("aria-label", `Mode ${m + 1}, standard deviations from the mean`);
+    label.append(`${m + 1} · ${Math.round(100 * share)} %`, slider);
+    slider.addEventListener("input", () => { scores[m] = Number(slider.value); move(); });
+    return slider;
+  });
+  const normal = () => Math.sqrt(-2 * Math.log(1 - Math.random())) * Math.cos(2 * Math.PI * Math.random());
+  const buttons = group($("modes"), [
+    ["mean", "The mean motion", () => set(() => 0)],
+    ["draw", "A performance as there might be another, at random", () => set(normal)],
+  ]);
+  $("variation").hidden = !page.modes.length;
+  return { set, scores, buttons };
+}
+
 function start() {
   const page = readPage();
   for (const video of page.videos) video.answers.final.rotations = quaternions(video.answers.final.local);
@@ -83,6 +114,8 @@ function start() {
     return button;
   });
   if (!findings.length) $("findings").textContent = "No angle differs by 5° or more.";
+
+  const modes = makeModes(page, () => { state.on[0] = true; redraw(); });
 
   function curvesNow() {
     const angle = page.angles.find((a) => a.name === state.angle);
@@ -172,7 +205,7 @@ function start() {
     const actor = actors.find((a) => a.video === body);
     return landing(view.matrix, add(actor.joints[joint], actor.offset), view.width / view.density, view.height / view.density);
   };
-  window.imocap = { act, page, orbit, scene, actors: () => actors, where };
+  window.imocap = { act, modes, page, orbit, scene, actors: () => actors, where };
 }
 
 try {

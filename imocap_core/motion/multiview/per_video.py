@@ -166,8 +166,8 @@ def targets_of(
     return to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
 
 
-LEAST_SPREAD_RAD, LEAST_SPREAD_M = 0.03, 0.01
-
+LEAST_SPREAD_M = (0.004, 0.01)  # of a keypoint: of performances that hardly differ, and of others
+LEAST_TURN_RAD_PER_M = 3.0  # the same of a joint: a limb's length away, a keypoint moves so far
 LEAST_LEVER_M = 0.15
 
 UNMOVED_SPREAD_RAD = 0.1  # of a joint that moves no keypoint
@@ -175,10 +175,16 @@ UNMOVED_SPREAD_RAD = 0.1  # of a joint that moves no keypoint
 
 def pooled_spread_m(spread_m: Float[np.ndarray, "M N K"]) -> Float[np.ndarray, "M N K"]:
     """Spread of keypoints of which half the variance is that of all in the frame: the errors of one
-    view tell little of a single keypoint's; at least LEAST_SPREAD_M."""
+    view tell little of a single keypoint's; at least `least_spread_m`."""
     variance = np.square(spread_m)
     pooled = np.sqrt((variance + variance.mean(axis=-1, keepdims=True)) / 2)
-    return np.maximum(pooled, LEAST_SPREAD_M)
+    return np.maximum(pooled, least_spread_m(spread_m))
+
+
+def least_spread_m(spread_m: Float[np.ndarray, "M N K"]) -> float:
+    """Smallest spread of a keypoint: the mean of all, within `LEAST_SPREAD_M`. What noise hides of
+    a single keypoint's deviations is small where performances hardly differ as a whole."""
+    return float(np.clip(spread_m.mean(), *LEAST_SPREAD_M))
 
 
 def joint_spread_rad(
@@ -199,7 +205,7 @@ def joint_spread_rad(
     angle = spread_m[:, :, None] / lever[None]  # (M, N, 24, K)
     angle = np.where(moved, angle, np.inf).min(-1)
     angle[:, :, ~moved.any(1)] = UNMOVED_SPREAD_RAD
-    return np.maximum(angle, LEAST_SPREAD_RAD)
+    return np.maximum(angle, LEAST_TURN_RAD_PER_M * least_spread_m(spread_m))
 
 
 def per_video_terms(scene: Scene, template: Tensor) -> list[Term]:

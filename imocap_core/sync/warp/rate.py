@@ -334,17 +334,24 @@ def playback_rates(
     return np.where(retimed, np.exp(limited), 1.0)
 
 
+MOST_COMPARED = 8  # videos that all others are compared with, where there are many
+
+
 def log_playback_rates(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     weights: Sequence[Float[np.ndarray, "_T J"]],
     fps: Sequence[float],
 ) -> tuple[Float[np.ndarray, " M"], Float[np.ndarray, " M"]]:
-    """Logarithms of the playback rates as estimated, and their standard deviations."""
+    """Logarithms of the playback rates as estimated, and their standard deviations; of many videos
+    each is compared with a few."""
     M = len(poses)
+    among = range(M) if M <= 2 * MOST_COMPARED else _thinned_to(M, MOST_COMPARED)
     coarse = [_thinned(len(x)) for x in poses]
     log_rates, precision = np.zeros((M, M)), np.zeros((M, M))
     for i in range(M):
         for j in range(i + 1, M):
+            if i not in among and j not in among:
+                continue
             a, b = coarse[i], coarse[j]
             squares = procrustes_distances(poses[i][a], poses[j][b], weights[i][a], weights[j][b])
             squares = squares**2
@@ -362,7 +369,11 @@ def log_playback_rates(
 
 def _thinned(frames: int) -> np.ndarray:
     """At most COARSE_FRAMES evenly spaced frames."""
-    return np.unique(np.linspace(0, frames - 1, min(frames, COARSE_FRAMES)).round().astype(int))
+    return _thinned_to(frames, COARSE_FRAMES)
+
+
+def _thinned_to(count: int, most: int) -> np.ndarray:
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
 def _log_rate(squares: np.ndarray, fps: float, fps_to: float) -> tuple[float, float]:

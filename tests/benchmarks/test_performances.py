@@ -1,0 +1,51 @@
+"""`imocap benchmark performances`: the sets, and what is measured of their distribution."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.actions.captured import MAX_VIDEOS, PLACEMENTS, data_base, placement
+from benchmarks.performances.action import takes
+from benchmarks.performances.report import FILE, _bend_deg, _first_scores, sizes
+
+ROOT = Path(__file__).resolve().parents[2]
+CAPTURED = data_base(ROOT) / "performances" / FILE
+NAMES = ("left_hip", "right_hip", "head")
+
+
+def test_sets_double_up_to_all_takes() -> None:
+    assert list(sizes(32)) == [2, 4, 8, 16, 32]
+    assert list(sizes(5)) == [2, 4]
+
+
+def test_cameras_stand_around_the_performer() -> None:
+    assert [placement(v) for v in range(MAX_VIDEOS)] == list(PLACEMENTS)
+    azimuths = sorted(placement(v).azimuth_deg for v in range(MAX_VIDEOS, 32))
+    assert max(np.diff(azimuths)) < 45
+    assert placement(20) == placement(20) != placement(21)
+
+
+@pytest.mark.skipif(not CAPTURED.is_file(), reason="needs the captured takes (IMOCAP_DATA)")
+def test_a_take_is_filmed_alike_in_every_set() -> None:
+    alone, among = takes(CAPTURED, 2, 2), takes(CAPTURED, 0, 4)
+    assert [video.place for video in alone] == [2, 3]
+    assert [len(video.frames) for video in alone] == [len(video.frames) for video in among[2:]]
+
+
+def test_the_first_mode_is_of_poses_not_of_places() -> None:
+    rng = np.random.default_rng(0)
+    scores = rng.normal(size=6)
+    still = np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0], [0.0, 0.0, 0.7]])
+    true = []
+    for score in scores:
+        joints = np.tile(still, (20, 1, 1))
+        joints[:, 2, 0] += 0.1 * score
+        true.append(joints + rng.normal(size=3))
+    got = _first_scores(true, list(NAMES))
+    assert abs(np.corrcoef(got, scores)[0, 1]) == pytest.approx(1.0)
+
+
+def test_the_bend_of_a_straight_limb_is_0() -> None:
+    limb = np.array([[[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]], [[0, 0, 0], [1, 0, 0], [1, 1, 0]]])
+    np.testing.assert_allclose(_bend_deg(limb), [0.0, 90.0], atol=1e-6)
