@@ -101,8 +101,8 @@ def distribution(result: Result, job: Job) -> tuple[float, float, float]:
     with np.load(job.action.folder / job.action.truth) as truth:
         names = [str(name) for name in truth["joint_names"]]
         true = [
-            _at(truth[f"{video}/joints"], at)
-            for video, at in zip(variation.ids, frames, strict=True)
+            _sampled(truth[f"{video}/joints"], frame)
+            for video, frame in zip(variation.ids, frames, strict=True)
         ]
     ratios = []
     for angle, ends in ENDS.items():
@@ -146,9 +146,9 @@ def _bend_deg(joints: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
     return np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _at(values: Float[np.ndarray, "T J 3"], at: Float[np.ndarray, " N"]) -> np.ndarray:
-    low = np.clip(np.floor(at).astype(int), 0, len(values) - 2)
-    share = (np.clip(at, 0, len(values) - 1) - low)[:, None, None]
+def _sampled(values: Float[np.ndarray, "T J 3"], frame: Float[np.ndarray, " N"]) -> np.ndarray:
+    low = np.clip(np.floor(frame).astype(int), 0, len(values) - 2)
+    share = (np.clip(frame, 0, len(values) - 1) - low)[:, None, None]
     return np.asarray((1 - share) * values[low] + share * values[low + 1])
 
 

@@ -24,6 +24,7 @@ from imocap_core.technique import SD_APART, MotionDifference, in_words, largest
 from imocap_core.variation import LEAST_PERFORMANCES, Modes, Variation
 
 _LEAST_LATE_S = 0.1
+_IN_A_ROW = 8  # names of a legend
 _OF_TWO, _OF_EACH = 8, 3  # sentences about two performers, and about each performance
 
 
@@ -170,7 +171,7 @@ def timing_figure(
     ax.set_xlabel("phase (s of the reference)")
     ax.set_ylabel("later than the mean (s)")
     grid(ax)
-    ax.legend(ncols=len(ids), loc="lower left", bbox_to_anchor=(0, 1))
+    ax.legend(ncols=min(len(ids), _IN_A_ROW), loc="lower left", bbox_to_anchor=(0, 1))
     headline(
         figure,
         "Timing",
