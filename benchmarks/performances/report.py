@@ -17,6 +17,7 @@ from jaxtyping import Float
 from rich.table import Table
 
 from benchmarks.actions.captured import data_folder
+from benchmarks.angles.report import bend_deg
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.parallel import ActionDisplay
 from benchmarks.performances.action import ready_takes
@@ -108,7 +109,7 @@ def distribution(result: Result, job: Job) -> tuple[float, float, float]:
     for angle, ends in ENDS.items():
         for side in ("left", "right"):
             joints = [names.index(f"{side}_{end}") for end in ends]
-            true_sd = _rms(np.std([_bend_deg(x[:, joints]) for x in true], axis=0, ddof=1))
+            true_sd = _rms(np.std([bend_deg(x[:, joints]) for x in true], axis=0, ddof=1))
             if true_sd >= LEAST_SD_DEG:
                 band = variation.angles[f"{side}_{angle}"]
                 left_open = of_each.open_deg[f"{side}_{angle}"]
@@ -138,12 +139,6 @@ def _first_scores(
 
 def _correlation(a: Float[np.ndarray, " M"], b: Float[np.ndarray, " M"]) -> float:
     return abs(float(np.corrcoef(a, b)[0, 1])) if len(a) > 2 else float("nan")
-
-
-def _bend_deg(joints: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
-    a, b = joints[:, 1] - joints[:, 0], joints[:, 2] - joints[:, 1]
-    cosine = (a * b).sum(-1) / np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)
-    return np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def _sampled(values: Float[np.ndarray, "T J 3"], frame: Float[np.ndarray, " N"]) -> np.ndarray:
