@@ -182,14 +182,6 @@ def spread(
     return np.where(free[:, None] > 0, np.sqrt(squares.sum(0) / safe), np.nan)
 
 
-def over_moments(spread_: Float[np.ndarray, "N J"]) -> Float[np.ndarray, " J"]:
-    """Root mean square of a spread over the moments; NaN moments are left out."""
-    valid = np.isfinite(spread_)
-    total = np.where(valid, spread_, 0.0) ** 2
-    count = valid.sum(0)
-    return np.where(count > 0, np.sqrt(total.sum(0) / np.maximum(count, 1)), np.nan)
-
-
 LEAST_MOTION = 0.01  # of the standard deviation of the joint that moves most: less is no motion
 
 

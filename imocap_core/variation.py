@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.rotations import exp
 
-ROUND_OFF = 1e-9  # singular values below this share of the largest are round-off
+_ROUND_OFF = 1e-9  # singular values below this share of the largest are round-off
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def modes(turns: Float[np.ndarray, "M N J 3"], shifts: Float[np.ndarray, "M N J 
     """
     M = len(shifts)
     U, sigma, _ = np.linalg.svd(_centred(shifts), full_matrices=False)
-    chosen = np.flatnonzero(sigma > ROUND_OFF * max(float(sigma.max(initial=0.0)), 1e-12))[: M - 1]
+    chosen = np.flatnonzero(sigma > _ROUND_OFF * max(float(sigma.max(initial=0.0)), 1e-12))[: M - 1]
     scores = U[:, chosen] * np.sqrt(max(M - 1, 1))
     largest = np.abs(scores).argmax(0)
     scores = scores * np.sign(scores[largest, np.arange(len(chosen))])  # the largest is positive
@@ -83,11 +83,11 @@ def _centred(deviations: Float[np.ndarray, "M N J 3"]) -> Float[np.ndarray, "M D
     return np.asarray(rows - rows.mean(0))
 
 
-MOST_MODES = 6
+_MOST_MODES = 6
 LEAST_PERFORMANCES = 4  # of fewer nothing is left to learn modes from
-LEAST_GAIN = 0.05  # of the error of a held-out performance: what a further mode has to predict
-BLOCK_S = 0.25  # of a joint's course: neighbouring moments do not count as held out
-DIVISIONS = 4
+_LEAST_GAIN = 0.05  # of the error of a held-out performance: what a further mode has to predict
+_BLOCK_S = 0.25  # of a joint's course: neighbouring moments do not count as held out
+_DIVISIONS = 4
 
 
 def held_out_errors(
@@ -103,14 +103,14 @@ def held_out_errors(
     if M < LEAST_PERFORMANCES:
         return np.ones(1)
     rows = shifts.reshape(M, -1)
-    blocks = np.arange(N) // max(1, round(BLOCK_S * fps))
-    count = min(MOST_MODES, M - 3)
+    blocks = np.arange(N) // max(1, round(_BLOCK_S * fps))
+    count = min(_MOST_MODES, M - 3)
     errors = np.zeros(count + 1)
     for m in range(M):
         others = np.delete(rows, m, axis=0)
         mean = others.mean(0)
         _, sigma, Vh = np.linalg.svd(others - mean, full_matrices=False)
-        for _division in range(DIVISIONS):
+        for _division in range(_DIVISIONS):
             given = rng.random((blocks[-1] + 1, J))[blocks] < 0.5
             mask = np.repeat(given.ravel(), 3)
             errors += _errors_by_modes(rows[m] - mean, mask, sigma[: M - 2], Vh, count)
@@ -137,9 +137,9 @@ def _errors_by_modes(
 
 
 def number_of_modes(errors: Float[np.ndarray, " K1"]) -> int:
-    """As many modes as each lower the held-out error by `LEAST_GAIN` of that by none."""
+    """As many modes as each lower the held-out error by `_LEAST_GAIN` of that by none."""
     gains = errors[:-1] - errors[1:]
-    worse: Int[np.ndarray, " _"] = np.flatnonzero(gains < LEAST_GAIN)
+    worse: Int[np.ndarray, " _"] = np.flatnonzero(gains < _LEAST_GAIN)
     return int(worse[0]) if len(worse) else len(gains)
 
 

@@ -1,1 +1,1 @@
-"""`imocap benchmark angles`: errors of joint angles and peak speeds, and how well they are known."""
+"""`imocap benchmark angles`: errors of joint angles and of peak speeds, and of what is stated."""

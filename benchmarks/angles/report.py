@@ -110,10 +110,10 @@ def _peaks(
     for kind in ("wrist", "ankle"):
         for side in ("left", "right"):
             joint = f"{side}_{kind}"
-            own = video.joint(joint) - (video.joint("left_hip") + video.joint("right_hip")) / 2
+            solved = video.joint(joint) - (video.joint("left_hip") + video.joint("right_hip")) / 2
             hips = (true[:, names.index("left_hip")] + true[:, names.index("right_hip")]) / 2
             captured = gaussian_filter1d(true[:, names.index(joint)] - hips, SMOOTH_FRAMES, axis=0)
-            peaks[f"{kind} {side}"] = (peak_m_s(own, video.fps), peak_m_s(captured, video.fps))
+            peaks[f"{kind} {side}"] = (peak_m_s(solved, video.fps), peak_m_s(captured, video.fps))
     return peaks
 
 

@@ -153,7 +153,6 @@ def export_command(
     root_bone: Annotated[
         bool, typer.Option("--root-bone", help="A bone on the floor carries the motion.")
     ] = False,
-    scale: Annotated[Literal["m", "cm"], typer.Option(help="Unit of lengths of bvh.")] = "m",
     lock_feet: Annotated[
         bool,
         typer.Option("--lock-feet", help="Feet in contact with the ground stay where they stand."),
@@ -170,18 +169,15 @@ def export_command(
     """Write motion, cameras and sync for other programs."""
     from imocap_core.library.outputs import ExportOptions, export
 
-    options = ExportOptions(
-        tuple(video or ()), mean, origin, names, root_bone, scale, lock_feet, loop, variation
-    )
-
     console = speaker(markup=False)
+    videos = tuple(video or ())
     exported = export(
         action,
         out,
         format=format,
         up=up,
         time=time,
-        options=options,
+        options=ExportOptions(videos, mean, origin, names, root_bone, lock_feet, loop, variation),
         root=root_of(context),
         params=sets,
         announce=console.print,

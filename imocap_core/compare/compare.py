@@ -31,7 +31,6 @@ from imocap_core.technique import (
     heading,
     mean_motion,
     mean_over,
-    over_moments,
     spread,
     to_the_front,
     turned_by,
@@ -157,7 +156,7 @@ class Technique:
     """Mean, spread, consistency, modes and timing of one action's performances.
 
     spread_deg, spread_mm (N, J): standard deviation of every joint's rotation and place, NaN where
-    fewer than two performances show the moment; joint_deg, joint_mm (J,) their root mean squares.
+    fewer than two performances show the moment.
     consistency (J,), whole: docs/technique.md. modes: all of them. lead_s (M, N): how much later
     than the mean a performance reaches a moment, its own clock started where all are seen first.
     """
@@ -166,8 +165,6 @@ class Technique:
     mean: MeanMotion
     spread_deg: Float[np.ndarray, "N J"]
     spread_mm: Float[np.ndarray, "N J"]
-    joint_deg: Float[np.ndarray, " J"]
-    joint_mm: Float[np.ndarray, " J"]
     consistency: Float[np.ndarray, " J"]
     whole: float
     modes: Modes
@@ -198,8 +195,6 @@ def describe(performances: Performances) -> Technique:
         mean=mean,
         spread_deg=turned,
         spread_mm=moved,
-        joint_deg=over_moments(turned),
-        joint_mm=over_moments(moved),
         consistency=per_joint,
         whole=whole,
         modes=modes(mean.turns, mean.shifts),

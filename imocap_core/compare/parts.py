@@ -1,14 +1,12 @@
-"""Parts of a technique report: differences in words, Markdown and CSV tables, pictures."""
+"""Parts of a technique report: differences in words, and CSV tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 
 from imocap_core.compare.chance import LIKELY, Chance
 from imocap_core.compare.compare import (
@@ -18,19 +16,12 @@ from imocap_core.compare.compare import (
     TechniquePair,
     expected_error_deg,
 )
-from imocap_core.figures.style import QUIET, color_of, grid, headline, new_figure
 from imocap_core.files import write_csv
 from imocap_core.technique import SD_APART, MotionDifference, in_words, largest
 from imocap_core.variation import LEAST_PERFORMANCES, Modes, Variation
 
 _LEAST_LATE_S = 0.1
-_IN_A_ROW = 8  # names of a legend
 _OF_TWO, _OF_EACH = 8, 3  # sentences about two performers, and about each performance
-
-
-def markdown_list(findings: Sequence[MotionDifference]) -> list[str]:
-    """The sentences as a list of a Markdown report; nothing where there are none."""
-    return [*(f"* {finding.sentence}" for finding in findings), ""] if findings else []
 
 
 def pair_findings(
@@ -128,87 +119,9 @@ def _timing(
     return [MotionDifference(sentence, float(phase_s[moment]), None)]
 
 
-_HEAT = LinearSegmentedColormap.from_list(
-    "deviation", ["#ffffff", "#f6dfc8", "#e2a15f", "#c8553d", "#5f1f1a"]
-)
-
-
-def deviation_figure(
-    phase_s: Float[np.ndarray, " N"],
-    deg: Float[np.ndarray, "N J"],
-    mm: Float[np.ndarray, "N J"],
-    names: Sequence[str],
-    title: str,
-    subtitle: str,
-) -> Figure:
-    """Heat maps of joints against phase: rotations (N, J) in degrees, positions (N, J) in mm."""
-    figure = new_figure(11.4, 4.8)
-    left, right = figure.subplots(1, 2, sharey=True)
-    for ax, values, unit in ((left, deg, "rotation, degrees"), (right, mm, "position, mm")):
-        finite = values[np.isfinite(values)]
-        top = float(np.quantile(finite, 0.99)) if len(finite) else 1.0
-        edges = _edges(phase_s)
-        rows = np.arange(len(names) + 1) - 0.5
-        picture = ax.pcolormesh(edges, rows, values.T, cmap=_HEAT, vmin=0, vmax=max(top, 1e-6))
-        figure.colorbar(picture, ax=ax, pad=0.015, fraction=0.05).outline.set_visible(False)
-        ax.set_title(unit)
-        ax.set_xlabel("phase (s of the reference)")
-        ax.set_yticks(range(len(names)), [in_words(n) for n in names], fontsize=7.5)
-    left.invert_yaxis()
-    headline(figure, title, subtitle)
-    return figure
-
-
-def timing_figure(
-    ids: Sequence[str], phase_s: Float[np.ndarray, " N"], lead_s: Float[np.ndarray, "M N"]
-) -> Figure:
-    """How much later than the mean each performance (M, N) reaches every moment, seconds."""
-    figure = new_figure(11.4, 2.7)
-    ax = figure.subplots()
-    ax.axhline(0, color=QUIET, lw=0.7)
-    for m, video in enumerate(ids):
-        ax.plot(phase_s, lead_s[m], color=color_of(ids, video), label=video)
-    ax.set_xlabel("phase (s of the reference)")
-    ax.set_ylabel("later than the mean (s)")
-    grid(ax)
-    ax.legend(ncols=min(len(ids), _IN_A_ROW), loc="lower left", bbox_to_anchor=(0, 1))
-    headline(
-        figure,
-        "Timing",
-        "each video's clock, started at the first moment that all show; falling = faster",
-    )
-    return figure
-
-
-def _edges(phase_s: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N1"]:
-    step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
-    return np.concatenate([phase_s - step / 2, phase_s[-1:] + step / 2])
-
-
 def number(value: float, decimals: int = 1) -> str:
     """A number for a table; a dash where it is unknown."""
     return f"{value:.{decimals}f}" if np.isfinite(value) else "–"
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A Markdown table; the first column is words, the others numbers."""
-    line = "|" + "|".join(["---", *["---:"] * (len(head) - 1)]) + "|"
-    return ["| " + " | ".join(head) + " |", line, *("| " + " | ".join(r) + " |" for r in rows)]
-
-
-def joint_rows(
-    names: Sequence[str],
-    deg: Float[np.ndarray, " J"],
-    mm: Float[np.ndarray, " J"],
-    consistency: Float[np.ndarray, " J"],
-) -> list[tuple[str, str, str, str]]:
-    """One row per joint: spread of its rotation and position, and its consistency; largest spread
-    of position first."""
-    order = np.argsort(np.where(np.isfinite(mm), -mm, np.inf), kind="stable")
-    return [
-        (in_words(names[j]), number(deg[j]), number(mm[j]), number(consistency[j], 3))
-        for j in order
-    ]
 
 
 def moment_sentences(
@@ -221,7 +134,7 @@ def moment_sentences(
     peak = np.nanmax(np.where(np.isfinite(values), values, -np.inf), axis=0)
     order = [j for j in np.argsort(-peak)[:3] if np.isfinite(peak[j])]
     return [
-        f"* {in_words(names[j])}: {number(float(peak[j]))} {unit} at "
+        f"{in_words(names[j])} {number(float(peak[j]))} {unit} at "
         f"{phase_s[int(np.nanargmax(values[:, j]))]:.2f} s"
         for j in order
     ]
@@ -230,9 +143,9 @@ def moment_sentences(
 def mode_sentences(modes: Modes, names: Sequence[str], count: int = 3) -> list[str]:
     """The largest ways to differ: their shares of all deviations, and the joints that turn most."""
     return [
-        f"* {100 * share:.0f} % of the deviations: "
+        f"Mode {k + 1}, {100 * share:.0f} % of the deviations: "
         + ", ".join(f"{in_words(names[j])} {number(deg[j])}°" for j in np.argsort(-deg)[:4])
-        for share, deg in zip(modes.share[:count], modes.of_joints(), strict=False)
+        for k, (share, deg) in enumerate(zip(modes.share[:count], modes.of_joints(), strict=False))
     ]
 
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
-from matplotlib.figure import Figure
 
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
@@ -26,18 +25,11 @@ from imocap_core.compare.compare import (
     technique_angles,
     variation_of,
 )
-from imocap_core.compare.parts import (
-    markdown_list,
-    pair_findings,
-    performer_names,
-    technique_findings,
-)
+from imocap_core.compare.parts import pair_findings, performer_names, technique_findings
 from imocap_core.errors import WorkFailed
-from imocap_core.figures.style import VIDEO_COLORS, quiet, save
-from imocap_core.io.writers.bvh import write_bvh
-from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
+from imocap_core.figures.style import VIDEO_COLORS
 from imocap_core.result.video import VideoResult
-from imocap_core.technique import MotionDifference, in_words, over_moments, plain_angle
+from imocap_core.technique import MotionDifference, plain_angle
 from imocap_core.variation import Modes, Variation
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
@@ -61,6 +53,17 @@ class ShownBody:
     R_local: Float[np.ndarray, "N J 3 3"]
     joints: Float[np.ndarray, "N J 3"]
     inside: Bool[np.ndarray, " N"]
+
+
+@dataclass(frozen=True, eq=False)
+class PageText:
+    """The words of a page: its title, what it shows, differences to click, what is said in
+    numbers."""
+
+    title: str
+    lead: str
+    findings: Sequence[MotionDifference]
+    notes: Sequence[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,16 +93,14 @@ def pair_page(
     curves = {name: [first[name], second[name]] for name in first}
     lead = (
         f"Mean motions of {names[0]} ({len(pair.first.instances.ids)} performances) and {names[1]} "
-        f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way. "
-        + parts.chance_sentence(pair, chance)
+        f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way"
     )
     return _page(
-        (f"{names[0]} and {names[1]}", lead),
+        PageText(f"{names[0]} and {names[1]}", lead, findings, _pair_notes(pair, chance)),
         pair.first.performances.shaped,
         pair.phase_s,
         bodies,
         curves,
-        findings,
     )
 
 
@@ -108,12 +109,12 @@ def technique_page(
     angles: TechniqueAngles,
     findings: Sequence[MotionDifference],
     videos: Mapping[str, VideoResult],
-    modes: Modes,
+    variation: Variation,
 ) -> str:
     """The page of an action's performances, and of their mean where there are more than two.
 
-    videos: by id, for their pictures; there need not be any. modes: that the mean can be moved
-    along.
+    videos: by id, for their pictures; there need not be any. variation: whose modes the mean can be
+    moved along.
     """
     each = t.instances
     nothing = np.full(len(each.phase_s), np.nan)
@@ -136,14 +137,18 @@ def technique_page(
         lead, bodies = f"{each.ids[0]} and {each.ids[1]}", bodies[1:]
         curves = {name: of[1:] for name, of in curves.items()}
     return _page(
-        (t.action, f"{lead} at the same moments, on one body, facing one way"),
+        PageText(
+            t.action,
+            f"{lead} at the same moments, on one body, facing one way",
+            findings,
+            _notes(t, variation),
+        ),
         t.performances.shaped,
         each.phase_s,
         bodies,
         curves,
-        findings,
         _filmed(t, videos),
-        modes,
+        variation.modes,
     )
 
 
@@ -160,23 +165,22 @@ def _filmed(t: Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed
 
 
 def _page(
-    heading: tuple[str, str],
+    text: PageText,
     shaped: Shaped,
     phase_s: Float[np.ndarray, " N"],
     bodies: Sequence[ShownBody],
     curves: Mapping[str, Sequence[MeanCurve]],
-    findings: Sequence[MotionDifference],
     filmed: Mapping[str, Filmed] | None = None,
     modes: Modes | None = None,
 ) -> str:
-    """heading: title and lead; modes: of the first body, which shows all moments."""
+    """modes: of the first body, which shows all moments."""
     block, filmed = Block(), filmed or {}
     every = stride([len(each.frames) for each in filmed.values()], _MOST_PICTURES)
     step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
     ends = {"first": float(phase_s[0]), "last": float(phase_s[-1])}
     header = {
-        "title": heading[0],
-        "lead": heading[1],
+        "title": text.title,
+        "lead": text.lead,
         "legend": "grid 0.5 m · click joints to measure",
         "reference": "the common time",
         "timeline": {**ends, "step": step, "shared": ends["first"]},
@@ -201,7 +205,10 @@ def _page(
                 [] if modes is None else zip(modes.share, modes.turns, strict=True)
             )
         ],
-        "findings": [{"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in findings],
+        "notes": list(text.notes),
+        "findings": [
+            {"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in text.findings
+        ],
     }
     return viewer.filled(
         header,
@@ -259,23 +266,12 @@ def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
 def write_technique(
     out: Path, t: Technique, videos: Mapping[str, VideoResult] | None = None
 ) -> list[Path]:
-    """report.md, joints.csv, performances.csv, mean.bvh and pictures; the report first.
+    """report.html, joints.csv and performances.csv; the report first.
 
     videos: by id, for their pictures beside the bodies.
     """
     each, names = t.instances, t.instances.joint_names
-    about = f"{len(each.ids)} performances of {t.action}"
-    pictures: dict[str, Figure] = {}
-    with quiet():
-        pictures["deviation.png"] = parts.deviation_figure(
-            each.phase_s, t.spread_deg, t.spread_mm, names, "How far performances differ",
-            f"standard deviation of {about} from their mean",
-        )  # fmt: skip
-        if np.isfinite(t.lead_s).any():
-            pictures["timing.png"] = parts.timing_figure(each.ids, each.phase_s, t.lead_s)
-        make_folder(out)
-        for name, figure in pictures.items():
-            save(figure, out / name)
+    make_folder(out)
     parts.write_course(
         out / "joints.csv", each.phase_s, names,
         {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
@@ -284,37 +280,10 @@ def write_technique(
     parts.write_performances(
         out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
     )
-    write_bvh(out / "mean.bvh", mean_clip(t))
     angles = technique_angles(t)
-    findings, variation = technique_findings(t, angles), variation_of(t)
-    (out / "report.md").write_text(
-        _report(t, variation, list(pictures), findings), encoding="utf-8"
-    )
-    (out / "report.html").write_text(
-        technique_page(t, angles, findings, videos or {}, variation.modes), encoding="utf-8"
-    )
-    names_ = ["report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh", *pictures]
-    return [out / name for name in names_]
-
-
-def mean_clip(t: Technique) -> MotionClip:
-    """The mean motion as a joint tree; the pelvis does not move, hands are at rest."""
-    shaped: Shaped = t.performances.shaped
-    rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
-    lowest = t.mean.joints[..., 1].min()
-    return MotionClip(
-        id="mean",
-        joint_names=shaped.model.joint_names,
-        parents=shaped.model.parents,
-        rest=rest - rest[0],
-        tips=bone_tips(shaped),
-        R_local=in_smpl(t.mean.R_local),
-        pelvis=np.tile([0.0, -lowest, 0.0], (count, 1)),
-        fps=t.performances.fps,
-        frames=np.arange(count, dtype=np.float64),
-        inside=np.ones(count, dtype=bool),
-        phase_s=t.instances.phase_s,
-    )
+    page = technique_page(t, angles, technique_findings(t, angles), videos or {}, variation_of(t))
+    (out / "report.html").write_text(page, encoding="utf-8")
+    return [out / x for x in ("report.html", "joints.csv", "performances.csv")]
 
 
 def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
@@ -324,54 +293,18 @@ def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
     return np.asarray(1000 * np.sqrt(squares.sum(1) / shown))
 
 
-def _report(
-    t: Technique, variation: Variation, pictures: list[str], findings: list[MotionDifference]
-) -> str:
-    each, names = t.instances, t.instances.joint_names
-    several = len(each.ids) > 1
-    lines = [
-        f"# Technique: {t.action}",
-        "",
-        f"{len(each.ids)} performances ({', '.join(each.ids)}), {len(each.phase_s)} moments "
-        f"from {each.phase_s[0]:.2f} to {each.phase_s[-1]:.2f} s of the reference's time. "
-        f"Meaning and limits of the numbers: docs/technique.md.",
-        "",
+def _notes(t: Technique, variation: Variation) -> list[str]:
+    """What the page says in numbers: consistency, modes, the joints that differ most."""
+    names = t.instances.joint_names
+    most = parts.moment_sentences(t.instances.phase_s, t.spread_mm, names, "mm")
+    return [
+        f"Consistency {parts.number(t.whole, 3)} (1: equal, 0: no more alike than unrelated "
+        "moments).",
+        *parts.mode_sentences(t.modes, names),
+        parts.modes_known(variation),
+        f"Standard deviation of places, largest: {'; '.join(most)}.",
+        *(f"Left out: {video}." for video in t.performances.left_out),
     ]
-    if t.performances.left_out:
-        lines += [f"Left out: {'; '.join(t.performances.left_out)}.", ""]
-    if several:
-        from_mean = ", ".join(
-            f"{i} {number} mm"
-            for i, number in zip(each.ids, map(parts.number, _from_mean_mm(t)), strict=True)
-        )
-        lines += [
-            f"**Consistency {parts.number(t.whole, 3)}** (1: equal, 0: no more alike than "
-            f"unrelated moments). From the mean motion: {from_mean}.",
-            "",
-            "## Joints",
-            "",
-            *parts.table(
-                ["joint", "rotation (deg)", "position (mm)", "consistency"],
-                parts.joint_rows(names, t.joint_deg, t.joint_mm, t.consistency),
-            ),
-            "",
-            "Standard deviation over the performances, root mean square over the moments. Largest:",
-            "",
-            *parts.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
-            "",
-            *markdown_list(findings),
-            "Ways to differ (modes, at one standard deviation):",
-            "",
-            *parts.mode_sentences(t.modes, names),
-            "",
-            parts.modes_known(variation),
-            "",
-        ]
-    titles = {"deviation": "Deviation", "timing": "Timing"}
-    for picture in pictures:
-        title = titles[picture.removesuffix(".png")]
-        lines += [f"## {title}", "", f"![{title}]({picture})", ""]
-    return "\n".join(lines)
 
 
 def make_folder(out: Path) -> None:
@@ -383,73 +316,34 @@ def make_folder(out: Path) -> None:
 
 
 def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
-    """report.md, joints.csv and pictures of two performers; the report first."""
-    first, second = pair.first.action, pair.second.action
-    names = pair.first.instances.joint_names
-    with quiet():
-        heat = parts.deviation_figure(
-            pair.phase_s, pair.difference.angle_deg, pair.difference.distance_mm, names,
-            "Where they differ", f"between the mean motions of {first} and {second}",
-        )  # fmt: skip
-        make_folder(out)
-        save(heat, out / "difference.png")
+    """report.html and joints.csv of two performers; the report first."""
+    make_folder(out)
     parts.write_course(
-        out / "joints.csv", pair.phase_s, names,
+        out / "joints.csv", pair.phase_s, pair.first.instances.joint_names,
         {
             "angle_deg": pair.difference.angle_deg,
             "distance_mm": pair.difference.distance_mm,
             "times_spread": pair.difference.ratio,
-            "second_phase_s": np.repeat(pair.second_s[:, None], len(names), axis=1),
+            "second_phase_s": np.repeat(
+                pair.second_s[:, None], pair.difference.angle_deg.shape[1], axis=1
+            ),
         },
     )  # fmt: skip
     angles = pair_angles(pair)
     chance = chance_of(angles[0].each, angles[1].each, np.random.default_rng(0))
-    findings = pair_findings(pair, angles, chance)
-    (out / "report.md").write_text(_pair_report(pair, findings, chance), encoding="utf-8")
-    page = pair_page(pair, angles, findings, chance)
+    page = pair_page(pair, angles, pair_findings(pair, angles, chance), chance)
     (out / "report.html").write_text(page, encoding="utf-8")
-    names_ = ("report.md", "report.html", "joints.csv", "difference.png")
-    return [out / name for name in names_]
+    return [out / "report.html", out / "joints.csv"]
 
 
-def _pair_report(pair: TechniquePair, findings: list[MotionDifference], chance: Chance) -> str:
-    first, second = pair.first.action, pair.second.action
-    names, between = pair.first.instances.joint_names, pair.difference
-    deg, mm, ratio = map(over_moments, (between.angle_deg, between.distance_mm, between.ratio))
-    order = np.argsort(-mm, kind="stable")
-    return "\n".join(
-        [
-            f"# Technique: {first} and {second}",
-            "",
-            f"Mean of {len(pair.first.instances.ids)} performances of {first}, mean of "
-            f"{len(pair.second.instances.ids)} of {second}. They share {len(pair.phase_s)} of "
-            f"{len(pair.first.instances.phase_s)} moments of {first}'s time axis, "
-            f"{pair.phase_s[0]:.2f} to {pair.phase_s[-1]:.2f} s; {second}'s "
-            f"phases "
-            f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
-            "",
-            *markdown_list(findings),
-            parts.chance_sentence(pair, chance),
-            "",
-            *parts.table(
-                ["joint", "rotation (deg)", "position (mm)", "times the spread"],
-                [
-                    (
-                        in_words(names[j]),
-                        parts.number(deg[j]),
-                        parts.number(mm[j]),
-                        parts.number(ratio[j]),
-                    )
-                    for j in order
-                ],
-            ),
-            "",
-            "Root mean square over the moments. *Times the spread*: of the position, in standard "
-            "deviations of each performer's repetitions. Largest:",
-            "",
-            *parts.moment_sentences(pair.phase_s, between.distance_mm, names, "mm"),
-            "",
-            "![Where they differ](difference.png)",
-            "",
-        ]
-    )
+def _pair_notes(pair: TechniquePair, chance: Chance) -> list[str]:
+    distance, names = pair.difference.distance_mm, pair.first.instances.joint_names
+    first, second = performer_names(pair)
+    most = parts.moment_sentences(pair.phase_s, distance, names, "mm")
+    return [
+        parts.chance_sentence(pair, chance),
+        f"They share {len(pair.phase_s)} of {len(pair.first.instances.phase_s)} moments of "
+        f"{first}'s time axis, {pair.phase_s[0]:.2f} to {pair.phase_s[-1]:.2f} s; {second}'s are "
+        f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s.",
+        f"Distance of places, largest: {'; '.join(most)}.",
+    ]

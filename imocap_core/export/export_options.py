@@ -9,7 +9,6 @@ from imocap_core.errors import WrongUse
 from imocap_core.io.writers.rigs import RIGS
 
 Origin = Literal["ground", "start"]
-Scale = Literal["m", "cm"]
 Loop = Literal["continue", "in-place"]
 LAFAN1 = "lafan1"
 CHARACTERS = ("bvh", "glb", "fbx", "usd")
@@ -23,8 +22,7 @@ class ExportOptions:
     clip on the common timeline. origin: ground: under the mean place of the bodies; start: under
     the first body's first pose, which faces forward. names: of the joints, with the rest pose of
     that rig: smpl, mixamo, ue5, rigify or, in bvh, lafan1. root_bone: a bone on the floor carries
-    the motion. scale: unit of lengths, m or cm. lock_feet: feet in contact with the ground stay
-    where they stand.
+    the motion. lock_feet: feet in contact with the ground stay where they stand.
     variation: the mean and both ends of each mode of variation, two standard deviations away, as
     clips on the common timeline, with the distribution as numbers.
     loop: of the mean: continue: its end blends into its start, which goes on from where the body
@@ -36,7 +34,6 @@ class ExportOptions:
     origin: str = "ground"
     names: str = "smpl"
     root_bone: bool = False
-    scale: str = "m"
     lock_feet: bool = False
     loop: str | None = None
     variation: bool = False
@@ -51,7 +48,6 @@ class ExportOptions:
         for option, given, allowed in (
             ("--origin", self.origin, get_args(Origin)),
             ("--names", self.names, ("smpl", *RIGS, LAFAN1)),
-            ("--scale", self.scale, get_args(Scale)),
             ("--loop", self.loop, (None, *get_args(Loop))),
         ):
             if given not in allowed:
@@ -65,8 +61,6 @@ class ExportOptions:
             )
         if self.names == LAFAN1 and (format != "bvh" or self.root_bone):
             raise WrongUse("--names lafan1 is of bvh, without --root-bone")
-        if self.scale != "m" and format != "bvh":
-            raise WrongUse(f"--scale cm: only bvh has no unit of its own; {format} has one")
         if self.variation and (self.mean or self.videos):
             raise WrongUse("--variation is of all performances; leave --mean and --video out")
         if self.mean and self.videos:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from imocap_core.detect.environment import Announce
@@ -96,10 +96,8 @@ def export(
     """
     check_format(format, up)
     options.check(format)
-    if options.names == LAFAN1:
-        if up == "z":
-            raise WrongUse("--up z: files of LAFAN1's kind are y up; leave --up out")
-        options = replace(options, scale="cm")
+    if options.names == LAFAN1 and up == "z":
+        raise WrongUse("--up z: files of LAFAN1's kind are y up; leave --up out")
     if format in OF_BLENDER:
         blender_program(announce)
     up = up or DEFAULT_UP.get(format) or ("y" if options.levelled else None)
@@ -163,7 +161,7 @@ def _bvh(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
         else:
             up = result.up_axis
             character = upright_rest(as_character(_clip(video), options, up), up)
-        write_bvh(file, scaled(character, CENTIMETRES) if options.scale == "cm" else character)
+        write_bvh(file, scaled(character, CENTIMETRES) if options.names == LAFAN1 else character)
 
     return _of_each(out, result, ".bvh", write)
 

@@ -211,9 +211,8 @@ def notes_of(
     }
     if format == "bvh":
         notes["rest"] = _TEXTS["bvh_rest"]
-    if options is not None and options.scale == "cm":
-        notes["units"] = notes["units"] | {"length": "centimetre"}
     if options is not None and options.names == LAFAN1:
+        notes["units"] = notes["units"] | {"length": "centimetre"}
         notes["rest"], notes["frames_per_second"] = _TEXTS["lafan1_rest"], FPS
     if result.left_out:
         notes["left_out"] = list(result.left_out)

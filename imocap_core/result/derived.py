@@ -158,7 +158,7 @@ def mean_performance(result: Kind) -> Kind:
     return replace(result, videos=(clip,), reference=NAME)
 
 
-END_SD = 2.0  # standard deviations from the mean to an end of a mode
+_END_SD = 2.0  # standard deviations from the mean to an end of a mode
 
 
 def mode_clips(mean: Kind, variation: Variation) -> Kind:
@@ -174,7 +174,9 @@ def mode_clips(mean: Kind, variation: Variation) -> Kind:
     for k, turns in enumerate(variation.modes.turns[:, np.rint(nearest).astype(np.int64)]):
         for sign, end in ((1, "plus"), (-1, "minus")):
             turned = R.copy()
-            turned[:, :joints] = R[:, :joints] @ exp(torch.as_tensor(sign * END_SD * turns)).numpy()
+            turned[:, :joints] = (
+                R[:, :joints] @ exp(torch.as_tensor(sign * _END_SD * turns)).numpy()
+            )
             name = f"mode{k + 1}_{end}"
             videos.append(replace(_with_motion(clip, turned, clip.trans), id=name))
     return replace(mean, videos=tuple(videos))

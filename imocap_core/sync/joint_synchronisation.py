@@ -137,13 +137,11 @@ def synchronise_jointly(
     hubs = hubs_of(distances, eligible, videos.reference)
     compared = compared_pairs(distances, clocks, params, hubs)
     matched, pairs, centralities = compared.matched, compared.pairs, compared.centralities
-    of_hubs = np.where([v in hubs for v in range(len(lengths))], centralities, -1.0)
+    of_hubs = np.where(np.isin(np.arange(len(lengths)), hubs), centralities, -1.0)
     chosen = videos.reference
     if chosen is None:
         pace = pace_spread(pairs, lengths, clocks)
-        able = [v in hubs and allowed for v, allowed in enumerate(eligible)]
-        able = able if any(able) else [v in hubs for v in range(len(lengths))]
-        chosen = chosen_reference(centralities, pace, coverage(matched, blocks), able)
+        chosen = chosen_reference(of_hubs, pace, coverage(matched, blocks), eligible)
 
     evidence = compared.soft_maps
     if params.warp == "dtw":
@@ -161,16 +159,14 @@ def synchronise_jointly(
     else:
         frames, certainty = dtw_warps(relaxed, compared.soft_maps, chosen, fps, params)
         repetitions = _repetitions(frames, distances, chosen, clock)
-    frames[chosen] = np.arange(float(lengths[chosen]))
-    certainty[chosen] = np.ones(lengths[chosen])
+    frames[chosen], certainty[chosen] = np.arange(float(lengths[chosen])), np.ones(lengths[chosen])
     frames, certainty = _without_forbidden(frames, certainty, forbidden, chosen)
     frames, certainty = through_hard_anchors(frames, certainty, hints, chosen)
 
     pairs = _pairs_without_forbidden(pairs, forbidden)
     maps = _maps_to_solve(pairs, frames, certainty, lengths, chosen)
     maps += hard_anchor_maps(hints.anchors, lengths)
-    per_second = [c * rates[chosen] for c in clock]  # frames per second of the reference
-    phase = common_phase(per_second, lengths, chosen, maps)
+    phase = common_phase([c * rates[chosen] for c in clock], lengths, chosen, maps)
     left_out, share = left_out_disagreement(pairs, lengths, chosen)
     return SyncResult(
         reference=chosen,

@@ -19,7 +19,7 @@ from functools import partial
 from itertools import permutations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.affinity import DistanceMatrix
@@ -79,7 +79,7 @@ def chosen_reference(
     centralities: Float[np.ndarray, " M"],
     pace_spreads: Float[np.ndarray, " M"],
     coverages: Float[np.ndarray, " M"],
-    eligible: Sequence[bool],
+    eligible: Sequence[bool] | Bool[np.ndarray, " M"],
 ) -> int:
     """Index of the video that shows most of the others, among those whose centrality is within NEAR
     of the largest; of several, the one of steadiest pace, and then the most central.
@@ -216,7 +216,7 @@ def _in_order(points: dict[int, float]) -> list[tuple[int, float]]:
     return list(zip(rows, np.maximum.accumulate([points[r] for r in rows]).tolist(), strict=True))
 
 
-MOST_HUBS = 8  # videos that all others are compared with, where there are more than twice as many
+_MOST_HUBS = 8  # videos that all others are compared with, where there are more than twice as many
 
 
 def hubs_of(
@@ -229,7 +229,7 @@ def hubs_of(
         eligible: those to prefer; reference: is one of them, where it is given.
     """
     M = len(distances.poses)
-    if M <= 2 * MOST_HUBS:
+    if M <= 2 * _MOST_HUBS:
         return list(range(M))
     far = np.zeros(M)
     for u, v in permutations(range(M), 2):
@@ -238,7 +238,7 @@ def hubs_of(
     far += np.where(eligible, 0.0, far.max())
     if reference is not None:
         far[reference] = -1.0
-    return sorted(np.argsort(far, kind="stable")[:MOST_HUBS].tolist())
+    return sorted(np.argsort(far, kind="stable")[:_MOST_HUBS].tolist())
 
 
 @dataclass(frozen=True)

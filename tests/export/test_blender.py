@@ -47,6 +47,4 @@ def test_fbx_has_its_own_axes_and_unit() -> None:
     with pytest.raises(WrongUse, match="an FBX file is y up"):
         check_format("fbx", "z")
     check_format("usd", "z")
-    with pytest.raises(WrongUse, match="--scale cm: only bvh"):
-        ExportOptions(scale="cm").check("fbx")
     ExportOptions(names="ue5", root_bone=True).check("usd")

@@ -54,7 +54,7 @@ def test_weights_fade_where_a_performance_begins_and_ends() -> None:
 
 
 def test_a_character_of_one_video(small_run: SmallRun, tmp_path: Path) -> None:
-    options = ExportOptions(("v2",), origin="start", names="ue5", root_bone=True, scale="cm")
+    options = ExportOptions(("v2",), origin="start", names="ue5", root_bone=True)
     files = small_run.result.export("bvh", tmp_path, options=options)
     assert [f.name for f in files if f.suffix == ".bvh"] == ["v2.bvh"]
     text = (tmp_path / "v2.bvh").read_text()
@@ -105,7 +105,6 @@ def test_locked_feet_are_said(small_run, tmp_path, monkeypatch, capsys):
     ("words", "sentence"),
     [
         (["--format", "csv", "--names", "mixamo"], "csv has none"),
-        (["--format", "glb", "--scale", "cm"], "only bvh has no unit of its own"),
         (["--mean", "--video", "v1"], "leave --video out"),
         (["--loop", "in-place"], "--loop is of the mean performance; add --mean"),
         (["--video", "v9"], "has no video 'v9'; there are: v1, v2"),

@@ -192,7 +192,7 @@ def test_any_number_of_videos(count: int) -> None:
 
 
 def test_of_many_videos_each_is_compared_with_a_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reference, "MOST_HUBS", 2)
+    monkeypatch.setattr(reference, "_MOST_HUBS", 2)
     rng = np.random.default_rng(10)
     phases = [np.linspace(0.1 * v, 4.0 + 0.1 * v, 40) for v in range(6)]
     result = run([estimated(p, rng) for p in phases])

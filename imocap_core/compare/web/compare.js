@@ -113,6 +113,7 @@ function start() {
     });
     return button;
   });
+  for (const note of page.notes) $("notes").appendChild(document.createElement("p")).textContent = note;
   if (!findings.length) $("findings").textContent = "No angle differs by 5° or more.";
 
   const modes = makeModes(page, () => { state.on[0] = true; redraw(); });

@@ -167,7 +167,7 @@ def targets_of(
 
 
 LEAST_SPREAD_M = (0.004, 0.01)  # of a keypoint: of performances that hardly differ, and of others
-LEAST_TURN_RAD_PER_M = 3.0  # the same of a joint: a limb's length away, a keypoint moves so far
+_LEAST_TURN_RAD_PER_M = 3.0  # the same of a joint: a limb's length away, a keypoint moves so far
 LEAST_LEVER_M = 0.15
 
 UNMOVED_SPREAD_RAD = 0.1  # of a joint that moves no keypoint
@@ -205,7 +205,7 @@ def joint_spread_rad(
     angle = spread_m[:, :, None] / lever[None]  # (M, N, 24, K)
     angle = np.where(moved, angle, np.inf).min(-1)
     angle[:, :, ~moved.any(1)] = UNMOVED_SPREAD_RAD
-    return np.maximum(angle, LEAST_TURN_RAD_PER_M * least_spread_m(spread_m))
+    return np.maximum(angle, _LEAST_TURN_RAD_PER_M * least_spread_m(spread_m))
 
 
 def per_video_terms(scene: Scene, template: Tensor) -> list[Term]:

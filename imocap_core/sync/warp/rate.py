@@ -334,7 +334,7 @@ def playback_rates(
     return np.where(retimed, np.exp(limited), 1.0)
 
 
-MOST_COMPARED = 8  # videos that all others are compared with, where there are many
+_MOST_COMPARED = 8  # videos that all others are compared with, where there are many
 
 
 def log_playback_rates(
@@ -345,7 +345,7 @@ def log_playback_rates(
     """Logarithms of the playback rates as estimated, and their standard deviations; of many videos
     each is compared with a few."""
     M = len(poses)
-    among = range(M) if M <= 2 * MOST_COMPARED else _thinned_to(M, MOST_COMPARED)
+    among = range(M) if M <= 2 * _MOST_COMPARED else _thinned_to(M, _MOST_COMPARED)
     coarse = [_thinned(len(x)) for x in poses]
     log_rates, precision = np.zeros((M, M)), np.zeros((M, M))
     for i in range(M):
