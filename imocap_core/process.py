@@ -1,16 +1,12 @@
 """This process: threads, allocator, limit on memory, largest resident memory, device, signals.
 
-Thread count and memory allocator of this process, set only where a run begins. PyTorch, OpenCV and
-the linear algebra of NumPy and SciPy get one thread. The solver's blocks (75 to 150 unknowns) are
-too small to benefit from multithreaded linear algebra; the solver uses one thread per motion
-instead. Every stage runs under the same settings, so results depend neither on the command that ran
-it nor on the machine's cores: products of large matrices are rounded differently on two threads
-(and were slower there). OpenCV's pictures are small too, and several videos are tracked at once:
-its own threads took a fifth of that stage's processor time.
+PyTorch, OpenCV and the linear algebra of NumPy and SciPy get one thread: the solver's blocks (75 to
+150 unknowns) and OpenCV's pictures are too small for more, and the solver has a thread a motion.
+Every stage runs under the same settings, so results depend neither on the command that ran it nor
+on the machine's cores: large products are rounded differently on two threads.
 
-Freed memory is reused for new arrays. The solver allocates and frees arrays of megabytes all the
-time; by default glibc returns each to the system, which provides it again page by page, filled with
-zeros: this took a tenth of a fit's processor time. Other systems' libraries are not changed.
+Freed memory is reused for new arrays: glibc returns megabytes to the system by default, which gives
+them back page by page, filled with zeros, a tenth of a fit's processor time.
 """
 
 from __future__ import annotations

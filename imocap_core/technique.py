@@ -182,13 +182,8 @@ def spread(
     return np.where(free[:, None] > 0, np.sqrt(squares.sum(0) / safe), np.nan)
 
 
-LEAST_MOTION = 0.01  # of the standard deviation of the joint that moves most: less is no motion
-
-
-def consistency(
-    positions: Float[np.ndarray, "M N J 3"], inside: Bool[np.ndarray, "M N"]
-) -> tuple[Float[np.ndarray, " J"], float]:
-    """Adjusted coefficient of determination of the moment, for every joint and for all together.
+def consistency(positions: Float[np.ndarray, "M N J 3"], inside: Bool[np.ndarray, "M N"]) -> float:
+    """Adjusted coefficient of determination of the moment, for all joints together.
 
     ``1 - [sum (x - mean_t)^2 / sum (n_t - 1)] / [sum (x - mean)^2 / (sum n_t - 1)]``, sums over the
     moments t that at least two performances show and over the n_t performances that do; what
@@ -198,10 +193,6 @@ def consistency(
     Args:
         positions: of the joints, any unit.
         inside: whether a performance shows a moment.
-
-    Returns:
-        One number a joint, NaN for one that hardly moves (the pelvis relative to itself), and one
-        number for all joints together, their squares summed.
 
     Raises:
         ValueError: no moment is shown by two performances.
@@ -214,12 +205,9 @@ def consistency(
     mean_of_moment = (weight * positions).sum(0) / np.maximum(count, 1)[:, None, None]
     mean_of_all = (weight * positions).sum((0, 1)) / count.sum()
     degrees_of_freedom = (count - 1)[count > 0].sum()
-    within = (weight * (positions - mean_of_moment) ** 2).sum((0, 1, 3)) / degrees_of_freedom
-    total = (weight * (positions - mean_of_all) ** 2).sum((0, 1, 3)) / (count.sum() - 1)
-    moves = total > LEAST_MOTION**2 * max(float(total.max()), 1e-300)
-    share = np.where(moves, within / np.where(moves, total, 1.0), np.nan)
-    whole = float(within.sum() / total.sum()) if moves.any() else np.nan
-    return np.maximum(1.0 - share, 0.0), max(1.0 - whole, 0.0)
+    within = float((weight * (positions - mean_of_moment) ** 2).sum()) / degrees_of_freedom
+    total = float((weight * (positions - mean_of_all) ** 2).sum()) / (count.sum() - 1)
+    return float(max(1.0 - within / total, 0.0)) if total > 0 else float("nan")
 
 
 LEAST_M = 1e-3  # a spread below it counts as this much

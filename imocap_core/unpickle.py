@@ -1,21 +1,15 @@
 """Pickles read without running anything that is in them: arrays, tensors and Python's containers.
 
-A pickle may name any function, `os.system` included. Here a pickle's arrays become plain records,
-which are turned into numpy arrays when what they state has been checked; every other name is
-refused. The rooms that read files (`body`, `io`) put their own sentence around the errors.
+A pickle may name any function, `os.system` included, and numpy's own way of restoring an array
+believes what a pickle states about its form. Here every name is refused but those of arrays and
+tensors, whose statements become plain records; `build` makes arrays of them with numpy's checked
+functions. The rooms that read files (`body`, `io`) put their own sentence around the errors.
 
-Containers of pickles within limits: keys that are cheap to compare, and shared parts counted. A
-hundred bytes of a pickle can describe a tree of billions of parts, each of which is in memory once;
-comparing keys of that kind, or making arrays of such lists, would never end.
+Containers are read within limits: keys that are cheap to compare, and shared parts counted, since a
+hundred bytes can describe a tree of billions of parts.
 
-What pickles state about numpy arrays and torch tensors: plain records, turned into arrays later.
-numpy's own way of restoring an array believes what a pickle states about its form, and a crafted
-one makes it read or write where it must not. Here these statements are only stored; `build` makes
-arrays of them with numpy's checked functions.
-
-A restricted unpickler, for plain pickles and for joblib's. joblib's files are pickles in which an
-array is a small record followed at once by the array's bytes (one byte states how many bytes of
-padding come first), so joblib itself is not needed.
+joblib's files are pickles in which an array is a small record followed at once by the array's bytes
+(one byte states how many bytes of padding come first), so joblib itself is not needed.
 """
 
 from __future__ import annotations

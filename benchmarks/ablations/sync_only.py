@@ -75,17 +75,7 @@ def _synchronised(
     reference = done[LAST].decode(RefineSync).sync.reference
     if kind == "stretch":
         return [stretched(keypoints, reference)]
-    have_videos = all(video.video is not None for video in keypoints.videos)
-    return [
-        tcc_sync(
-            keypoints,
-            reference=reference,
-            seed=seed,
-            source="frames" if have_videos else "poses",
-            folder=job.action.folder,
-        )
-        for seed in TCC_SEEDS
-    ]
+    return [tcc_sync(keypoints, reference=reference, seed=seed) for seed in TCC_SEEDS]
 
 
 def _sync_numbers(

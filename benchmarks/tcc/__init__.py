@@ -5,17 +5,14 @@ clips are then aligned by DTW on distances between embeddings. See docs/measurem
 """
 
 from benchmarks.tcc.alignment import TccAlignment, align, align_by_tcc
-from benchmarks.tcc.clips import FRAME_SIZE, frame_clip, person_crop, pose_clip
-from benchmarks.tcc.encoders import FrameEncoder, PoseEncoder
+from benchmarks.tcc.clips import pose_clip
+from benchmarks.tcc.encoders import PoseEncoder
 from benchmarks.tcc.loss import cycle_back_regression
-from benchmarks.tcc.settings import FRAMES, POSES, TccSettings
+from benchmarks.tcc.settings import POSES, TccSettings
 from benchmarks.tcc.training import TccTraining, train
 
 __all__ = [
-    "FRAMES",
-    "FRAME_SIZE",
     "POSES",
-    "FrameEncoder",
     "PoseEncoder",
     "TccAlignment",
     "TccSettings",
@@ -23,8 +20,6 @@ __all__ = [
     "align",
     "align_by_tcc",
     "cycle_back_regression",
-    "frame_clip",
-    "person_crop",
     "pose_clip",
     "train",
 ]

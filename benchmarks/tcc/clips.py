@@ -1,18 +1,13 @@
-"""Inputs of the encoders: 2D poses or small pictures of the performer, normalised in place and
-size."""
+"""Inputs of the encoder: 2D poses, normalised in place and size."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32
 
-TccClip = Float32[np.ndarray, "T ..."]  # a pose or a picture for each frame
-
-FRAME_SIZE = 64
-_MARGIN = 1.15  # side of the crop over the larger side of the person's box
+TccClip = Float32[np.ndarray, "T K 3"]  # a pose for each frame
 
 
 def pose_clip(
@@ -45,40 +40,6 @@ def pose_clip(
     size = max(float(np.median(reach[rooted])), 1e-9)
     items = np.concatenate([about / size * visible[..., None], weight[..., None]], axis=-1)
     return np.asarray(items, np.float32)
-
-
-def person_squares(boxes_px: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 3"]:
-    """Squares to cut out of each frame: centre x, y and side, from boxes x0 y0 x1 y1.
-
-    Frames without the performer (NaN) are interpolated; all squares have one side, so that the
-    performer's size in them depends on the pose alone. ValueError when no frame has a box.
-    """
-    if not np.isfinite(boxes_px).all(axis=1).any():
-        raise ValueError("no frame has a box around the person")
-    centre = _interpolated((boxes_px[:, :2] + boxes_px[:, 2:]) / 2)
-    larger = (boxes_px[:, 2:] - boxes_px[:, :2]).max(axis=1)
-    side = _MARGIN * float(np.nanpercentile(larger, 95))
-    return np.column_stack([centre, np.full(len(centre), side)])
-
-
-def person_crop(
-    picture: UInt8[np.ndarray, "H W"], square: Float[np.ndarray, " 3"], size: int = FRAME_SIZE
-) -> UInt8[np.ndarray, "S S"]:
-    """The part of a grey picture inside a square, resized to (size, size); edges are repeated."""
-    x, y, side = square
-    scale = size / max(float(side), 1.0)
-    corner = (size - 1) / 2
-    affine = np.array([[scale, 0.0, corner - scale * x], [0.0, scale, corner - scale * y]])
-    if scale < 1.0:  # blur first, or thin limbs alias
-        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.5 / scale), np.uint8)
-    crop = cv2.warpAffine(picture, affine, (size, size), borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(crop, np.uint8)
-
-
-def frame_clip(crops: Sequence[UInt8[np.ndarray, "S S"]]) -> Float32[np.ndarray, "T 1 S S"]:
-    """The crops of a clip, with mean 0 and standard deviation 1 over the clip."""
-    stack = np.asarray(np.stack(crops), np.float32)[:, None]
-    return np.asarray((stack - stack.mean()) / max(float(stack.std()), 1e-6), np.float32)
 
 
 def _interpolated(path: np.ndarray) -> np.ndarray:

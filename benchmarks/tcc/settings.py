@@ -1,4 +1,4 @@
-"""Every setting of the baseline in one value, and the two values in use."""
+"""Every setting of the baseline in one value, and the value in use."""
 
 from __future__ import annotations
 
@@ -28,4 +28,3 @@ class TccSettings:
 
 
 POSES = TccSettings(embedding=64, taps=9, spacing_s=0.1, steps=300, sampled=64, noise=0.05)
-FRAMES = TccSettings(embedding=64, taps=3, spacing_s=0.25, steps=150, sampled=24, noise=0.1)

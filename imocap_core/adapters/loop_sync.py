@@ -1,18 +1,13 @@
 """Synchronisation within the loop: who takes part, its start, and its confidence.
 
-Which videos take part, and which are mirrored, decided again by the joint motion. The first
-screening knows monocular motions, and one that went wrong may make its own video, or another, look
-like another action or mirrored. In a joint motion a wrong start has been put right, or has been
-left out, and it tells one from the other more clearly (docs/decisions.md).
+Which videos take part, and which are mirrored, is decided again by the joint motion, in which a
+wrong monocular start has been put right or left out (docs/decisions.md).
 
-Confidence of the loop's correspondences, where performances differ. In the loop every pose has been
-drawn towards those that it is matched with, rightly or wrongly, and confirms its match ever after.
-Where all videos show one motion the keypoints contradict a wrong match, because nothing but time
-could explain them. Where performances differ, the difference explains a wrong match as well: there
-a match is no surer than the monocular motions made it, which knew nothing of each other, and the
-next solve trusts it no more: trusted more in every round, a wrong match would draw the poses
-together until nothing contradicts it. Nor would poses that were drawn together at the matches fit
-as well a repetition later: that too is told by the monocular motions.
+In the loop every pose has been drawn towards those that it is matched with, rightly or wrongly, and
+confirms its match ever after. Where all videos show one motion the keypoints contradict a wrong
+match. Where performances differ, the difference explains it as well: there a match is no surer than
+the monocular motions made it, which knew nothing of each other, and those tell, too, whether it
+fits as well a repetition later.
 """
 
 from __future__ import annotations

@@ -319,7 +319,7 @@ def compare_command(
     console = speaker(markup=False)
     technique = comparison.technique
     if technique is not None:
-        console.print(f"{technique.action}: consistency {technique.whole:.3f}")
+        console.print(f"{technique.action}: consistency {technique.consistency:.3f}")
     page = next(file for file in comparison.files if file.suffix == ".html")
     console.print(str(page))
     others = [file.name for file in comparison.files if file != page]

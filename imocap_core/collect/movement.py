@@ -1,18 +1,12 @@
 """The movement that is looked for: that of an example, or the one that is repeated most.
 
-Whole cycles of people who repeat a movement: neither half of one, nor one twice. Subsequence
-matching finds the most alike stretch, which may be a part of the movement, or several that overlap.
-Where a person repeats the movement within a shot, the clip itself says where a cycle begins and
-ends (`sync/repetition`).
+Of people who repeat a movement, whole cycles: subsequence matching finds the most alike stretch,
+which may be a part or several that overlap, so the clip itself says where a cycle begins and ends
+(`sync/repetition`). The dominant movement of films is the stretch that explains most of all others,
+as there, but over many tracks.
 
-The dominant repeated movement of films: the stretch that explains most of all other stretches. As
-in `imocap_core.sync.repetition`, but over many tracks: a stretch of one is a template, and what
-counts is how much its occurrences elsewhere explain.
-
-The clearest matches of an example serve as further examples. One example shows the movement from
-one side, by one performer; its occurrences in the films are nearer to each other. So the clearest
-matches become templates, too, and a match has the mean of its scores under all templates. One wrong
-match among them weighs little.
+One example shows the movement from one side, by one performer. So its clearest matches become
+templates too, and a match has the mean of its scores under all: a wrong one weighs little.
 """
 
 from __future__ import annotations

@@ -157,16 +157,15 @@ class Technique:
 
     spread_deg, spread_mm (N, J): standard deviation of every joint's rotation and place, NaN where
     fewer than two performances show the moment.
-    consistency (J,), whole: docs/technique.md. modes: all of them. lead_s (M, N): how much later
-    than the mean a performance reaches a moment, its own clock started where all are seen first.
+    consistency: docs/technique.md. modes: all. lead_s (M, N): how much later than the mean a
+    performance reaches a moment, its own clock started where all of them are seen first.
     """
 
     performances: Performances
     mean: MeanMotion
     spread_deg: Float[np.ndarray, "N J"]
     spread_mm: Float[np.ndarray, "N J"]
-    consistency: Float[np.ndarray, " J"]
-    whole: float
+    consistency: float
     modes: Modes
     lead_s: Float[np.ndarray, "M N"]
 
@@ -187,16 +186,12 @@ def describe(performances: Performances) -> Technique:
     mean = mean_motion(each)
     turned = np.rad2deg(spread(mean.turns, each.inside))
     moved = 1000 * spread(mean.shifts, each.inside)
-    alone = len(each.ids) < 2
-    nothing = np.full(len(each.joint_names), np.nan)
-    per_joint, whole = (nothing, np.nan) if alone else consistency(each.joints, each.inside)
     return Technique(
         performances=performances,
         mean=mean,
         spread_deg=turned,
         spread_mm=moved,
-        consistency=per_joint,
-        whole=whole,
+        consistency=consistency(each.joints, each.inside) if len(each.ids) > 1 else np.nan,
         modes=modes(mean.turns, mean.shifts),
         lead_s=_lead_s(performances.clock_s, each.inside),
     )

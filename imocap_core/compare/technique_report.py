@@ -298,7 +298,7 @@ def _notes(t: Technique, variation: Variation) -> list[str]:
     names = t.instances.joint_names
     most = parts.moment_sentences(t.instances.phase_s, t.spread_mm, names, "mm")
     return [
-        f"Consistency {parts.number(t.whole, 3)} (1: equal, 0: no more alike than unrelated "
+        f"Consistency {parts.number(t.consistency, 3)} (1: equal, 0: no more alike than unrelated "
         "moments).",
         *parts.mode_sentences(t.modes, names),
         parts.modes_known(variation),

@@ -1,16 +1,14 @@
 """Calibrated confidence of matches, and matches that are a whole repetition off.
 
-Matches a whole repetition off: how well a map fits that is shifted to the next repetition. A walk
-that begins in another cycle fits nearly as well a cycle later, in every frame alike: no frame's own
-evidence reveals it, and the errors of monocular estimates decide between the two.
+A walk that begins in another cycle fits nearly as well a cycle later, in every frame alike: no
+frame's own evidence reveals it. So a map is compared with itself, shifted to the next repetition.
 
-Calibrated confidence of matches: the probability that a match is right within the reach. The mass
-of a soft map around its median is a posterior under the model's assumptions, of which two fail:
-errors of estimates persist, and a monotone warp has to place every frame somewhere. What reveals
-such failures enters a logistic regression beside the mass: the disagreement of the routes through
-the other videos, the pose distance of the match, time that stalls while the performer moves, a map
-that fits a repetition later as well. Its weights were fitted on scenes of training clips
-(tools/fit_sync_confidence.py).
+Confidence: the probability that a match is right within the reach. The mass of a soft map around
+its median is a posterior under assumptions of which two fail: errors of estimates persist, and a
+monotone warp has to place every frame somewhere. What reveals such failures enters a logistic
+regression beside the mass: disagreement with routes through the other videos, the match's pose
+distance, time that stalls while the performer moves, a map that fits a repetition later as well.
+Its weights were fitted on scenes of training clips (tools/fit_sync_confidence.py).
 """
 
 from __future__ import annotations

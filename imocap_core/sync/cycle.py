@@ -1,35 +1,18 @@
 """Cycle consistency of the pairwise maps (Eq. 2): maps agree with those through a third video.
 
-Each block of the affinity, its rows scaled to sum 1, is a stochastic map P_ij: the distribution of
-a frame of video i over the frames of video j. Were the maps consistent, a composition through any
-third video would not change them: P_ij = P_ik P_kj. So P_ij is replaced by the mean over all k of
-P_ik P_kj, a few times. With P_ii = I the direct map counts twice (k = i and k = j). Only the bands
-of the maps are multiplied.
+softmap: each block of the affinity, its rows scaled to sum 1, is a stochastic map P_ij. Were the
+maps consistent, P_ij = P_ik P_kj for every third video k; so P_ij is replaced by the mean over all
+k, a few times. With P_ii = I the direct map counts twice. Only the bands are multiplied.
 
-Row contrast: how far each entry of a map stands out in its row, the affinity of Eq. 2. The paper's
-reciprocal of the distance is far from 0 for unrelated poses too (1/3 is usual). Eq. 2 rewards every
-entry above alpha = 0.1, so with such an affinity it is best to match all frames with all others,
-and the denoised matrix is flat. Informative is how far an entry stands out in its row.
-
-Steps that the two ADMM solvers of Eq. 2 share: projection, penalty, residuals. The problem: Eq. 2
-with the rank relaxed to the nuclear norm,
+als and svt solve Eq. 2 with the rank relaxed to the nuclear norm, by ADMM:
 
     min  -<S - alpha, X> + lambda |X|_*   subject to  X in C,
 
-C: symmetric, entries in [0, 1], the blocks within a video the identity.
-
-Cycle consistency by low-rank factors: MatchALS (Zhou, Zhu, Daniilidis, ICCV 2015). Eq. 2 (see
-`admm`) with the nuclear norm written as ridge penalties on two factors:
-
-    min  -<S - alpha, X> + lambda/2 (|A|^2 + |B|^2)   subject to  X = A B',  X in C.
-
-The constraint is split (Z in C, multiplier Y, penalty mu); every step is a ridge solve or a clip,
-so an iteration costs three thin matrix products.
-
-Cycle consistency by singular-value thresholding (Dong et al., CVPR 2019; Cai, Candes, Shen 2010).
-Eq. 2 (see `admm`) with the nuclear norm itself: the low-rank step shrinks the singular values. X +
-Y / mu is symmetric, so they are the moduli of its eigenvalues: one symmetric eigenproblem an
-iteration instead of a singular-value decomposition.
+C: symmetric, entries in [0, 1], the blocks within a video the identity; S: how far each entry of
+the affinity stands out in its row (the paper's reciprocal is far from 0 for unrelated poses too,
+and would match all frames with all others). als is MatchALS (Zhou, Zhu, Daniilidis, ICCV 2015): the
+norm as ridge penalties on two factors, X = A B', three thin products an iteration. svt (Dong et
+al., CVPR 2019) shrinks singular values, which for a symmetric X are moduli of eigenvalues.
 """
 
 from __future__ import annotations

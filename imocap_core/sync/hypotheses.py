@@ -1,27 +1,19 @@
 """Joint choice of one monocular motion for each video, among several hypotheses.
 
-Pairwise agreement of hypotheses: one rotation and one warp must explain both videos' keypoints.
-Under the rotation from video a to video b, a's motion is projected onto b's keypoints, and, under
-its inverse, b's motion onto a's. Each direction by itself is blind to depth: reversed in a, it is
-made good by a rotation the other way. Both together under one rotation are not, unless the two
-videos look along one line. Keypoints are the evidence, so a wrong motion cannot vouch for another
-beyond what the pictures show.
+Agreement of two hypotheses: one rotation and one warp must explain both videos' keypoints. Under
+the rotation from video a to video b, a's motion is projected onto b's keypoints, and, under its
+inverse, b's motion onto a's. Each direction by itself is blind to depth: reversed in a, it is made
+good by a rotation the other way. Both together are not, unless the two videos look along one line.
+Keypoints are the evidence, so a wrong motion cannot vouch for another beyond what pictures show.
 
-Joint choice of one hypothesis for each video: the labelling of least energy, exactly. Every video
-has a cost of each of its hypotheses by itself, every pair of videos one of each pair of theirs.
-Labellings are extended video by video; those that cannot come near a solution in hand, whatever the
-remaining videos contribute, are dropped (branch and bound).
+The choice: the labelling of least energy, exactly, by branch and bound. The energy is the mean
+residual of every video with the others, what each chosen motion explains its own video worse, and a
+fixed cost of leaving the motion that does so best: the first motions stay unless others agree
+clearly better.
 
-Which motion of each video agrees with the other videos, chosen for all videos at once. The energy
-of a choice is the mean residual of every video with the others (`agreement`), what each chosen
-motion explains its own video worse, and a fixed cost of leaving the motion that does so best. So
-the first motions stay unless others agree clearly better.
-
-Frames in which a detector took left for right, told by the other videos before any is solved. One
-view cannot tell sides that are swapped for a while from a performer who faces the other way, and a
-fit to them is wrong in every frame. Held against another video's motion (`registration`), each
-frame's keypoints are as detected, or swapped above the hips, in the legs, or in both, whichever
-that explains best, and the cheapest sequence of these states is the estimate (Viterbi). Sides that
+Swapped sides: one view cannot tell sides that the detector swapped for a while from a performer who
+faces the other way. Held against another video's motion, each frame's keypoints are as detected, or
+swapped above the hips, in the legs, or in both, whichever that explains best (Viterbi). Sides that
 seem swapped for most of a video are left: that is what a mirrored one looks like.
 """
 

@@ -1,17 +1,14 @@
-"""Repetitions of one action in a long clip.
+"""Repetitions of one action in a long clip, by comparing the clip with itself.
 
-Occurrences of a part of a clip in the clip itself: subsequence DTW, then interval scheduling. The
-clip is followed and preceded by samples of similarity 0, so that an occurrence may run over the
-clip's ends: half a repetition there is explained, but is no repetition.
+A part of the clip is a template, and its occurrences are found by subsequence DTW and interval
+scheduling. The criterion is how much of the clip its *other* occurrences explain, each pose by its
+similarity. That one number decides length and number together: two repetitions as one template
+explain one occurrence less, half a repetition explains half, unlike parts explain nothing. Samples
+of similarity 0 before and after the clip let an occurrence run over its ends: half a repetition
+there is explained, but is no repetition.
 
-Segmentation of a long clip into repetitions, by comparing the clip with itself. A part of the clip
-is taken as a template and matched everywhere else (`template_matching`). The criterion is how much
-of the clip its *other* occurrences explain, each pose by its similarity. That one number decides
-length and number together: two repetitions as one template explain one occurrence less, half a
-repetition explains half, unlike parts explain nothing.
-
-All of this runs on poses that are evenly spaced in motion, not in time: holds and pauses shrink, so
-they neither count as repetitions nor strain the warp.
+Poses are evenly spaced in motion, not in time: holds and pauses shrink, so they neither count as
+repetitions nor strain the warp.
 """
 
 from __future__ import annotations

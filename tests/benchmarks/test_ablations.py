@@ -122,7 +122,7 @@ def test_variants_that_fail_leave_the_others_and_say_so(tmp_path, monkeypatch):
 
 
 def test_the_equal_stretch_goes_from_end_to_end() -> None:
-    keypoints = Keypoints(videos=[swinging_video("a", 5, None), swinging_video("b", 9, None)])
+    keypoints = Keypoints(videos=[swinging_video("a", 5), swinging_video("b", 9)])
     sync = sync_only.stretched(keypoints, "b")
     np.testing.assert_allclose(sync.maps[0].reference_frame, [0, 2, 4, 6, 8])
     np.testing.assert_allclose(sync.maps[1].reference_frame, np.arange(9))

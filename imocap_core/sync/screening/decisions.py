@@ -1,35 +1,23 @@
 """Which videos are mirrored, and which show another action, decided and said in words.
 
-An outlier lies further from the others than they from each other, and either follows their order of
-time no better than any other video, or lies far whatever it follows.
+By poses: an outlier lies further from the others than they from each other, and either follows
+their order of time no better than any other video, or lies far whatever it follows. By how much it
+lies further is the logarithm of its residual with the two others that it fits best, over the median
+residual of the pairs without it: about 0 for one action, whatever noise and performances, because
+both raise every residual alike. Of a pair's two directions the better one counts: a short clip fits
+into a long one. A fixed square above and below keeps small differences of precise estimates from
+counting. Two such logarithms: of the warp residuals, less what the video gains by the others' order
+of time; and of the persistent differences, as another action may share the rhythm, while a bad
+estimate errs only at times. The score is the exponential of the larger of the two.
 
-By how much a video lies further is the natural logarithm of its residual with the two others that
-it fits best, over the median residual of the pairs without it (root mean squares). Videos of one
-action have about 0, whatever the estimates' noise and however differently people perform, because
-both raise every residual alike. Of the two directions of a pair the better one counts: a short clip
-fits into a long one, and not the other way round. A fixed square is added above and below, so that
-with precise estimates a performance that differs a little is no outlier.
-
-* By the order of time: the logarithm of the warp residuals, less what the video gains by the
-  others' order (`temporal_order.order_gains`), with the two that it gains most with, beyond a fifth
-  of what is usual among the others. A bad estimate of the right action lies far from the others
-  too, and yet follows them.
-* By persistent difference: another action may share the rhythm, as one stroke does with another,
-  and then gains much of what the others gain. But its difference persists, where a bad estimate
-  errs only at times: so the logarithm of the squares of the persistent differences
-  (`persistent_difference`), less an allowance, and less what the video gains beyond what only the
-  same action gains.
-
-The score is the exponential of the larger of the two.
-
-A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
-and most videos clearly better as they are taken; where most do not, or by no more than detectors
-err, the action is nearly its own mirror image, and nothing is decided. Of several at once each has
-to be so many times as clear. A video shows another action where the others' motion explains it no
-better than a static pose would, much worse than they explain each other without it, and much less
-of its change over time than of theirs: who moves as they do, slower, seen from another side or
-badly in places, takes part. One is decided at a time, the clearest first, and the rest is explained
-anew. What is not clear is undecided: reported, never acted on.
+By keypoints: a video is mirrored where the others' common motion explains its keypoints clearly
+better reflected, and most videos clearly better as they are taken; where most do not, the action is
+nearly its own mirror image, and nothing is decided. Of several at once each has to be so many times
+as clear. A video shows another action where the others' motion explains it no better than a static
+pose would, much worse than they explain each other without it, and much less of its change over
+time than of theirs: who moves as they do, slower, from another side or badly in places, takes part.
+The clearest is decided first, and the rest is explained anew. What is not clear is reported, never
+acted on.
 """
 
 from __future__ import annotations

@@ -1,22 +1,18 @@
 """How well the other videos' common motion explains a video: as it is, in a mirror, or not at all.
 
-Common motion of several videos: their keypoints, linearly triangulated (scaled orthographic). One
-video's monocular motion, in its own camera's axes, gives the time and a weak prior of every joint.
-The other videos' keypoints are registered with it, which tells each camera's direction, the
-corresponding frames, and each frame's scale and place; then every joint at every moment is a linear
-least-squares problem of three unknowns. A second round registers with the motion of the first.
-
 A video's monocular poses may be wrong; its keypoints are what the joint solve has to explain. So
-each video is left out in turn, the others' keypoints are triangulated (`common_motion`), and the
-video's keypoints registered with that motion, at its own speed. Three measures tell all:
+each video is left out in turn, the others' keypoints are linearly triangulated (scaled
+orthographic), and its keypoints registered with that motion, at its own speed. One video's
+monocular motion gives the time and a weak prior of every joint; registration with it tells each
+camera's direction, the corresponding frames, and each frame's scale and place. A second round
+registers with the motion of the first. Three measures tell all:
 
 * the residual beside that of the reflected keypoints: a mirrored video has more as it is. Where the
-  action is its own mirror image both are equal but for noise, and nothing can be decided. A walk is
-  that half a cycle later, so for this the motion is repeated and may begin anywhere;
-* the residual beside that of one static pose of the same motion: another action fits no better than
-  a pose that stands still;
+  action is its own mirror image both are equal but for noise. A walk is that half a cycle later, so
+  for this the motion is repeated and may begin anywhere;
+* the residual beside that of one static pose of the motion: another action fits no better;
 * how much of the keypoints' change over time the motion explains: nothing of another action's, and
-  much of the action's, also where the poses are wrong in a lasting way, as a monocular depth is.
+  much of the action's, also where poses are wrong in a lasting way, as a monocular depth is.
 """
 
 from __future__ import annotations

@@ -1,21 +1,18 @@
 """Evidence for mirrored videos and for videos of another action, from poses and weights.
 
-Warp residual: the root-mean-square pose distance of two videos along their best warp. The residual
-of video i in video j is the root-mean-square pose distance between i's frames and their
-counterparts in j, each frame forced to have one. Two videos of one action have the residual of the
-estimates' noise plus what differs between performances; a video of another action lies above that,
-however its frames are warped.
+Warp residual: the root-mean-square pose distance between a video's frames and their counterparts in
+another along the best warp, each frame forced to have one: the estimates' noise and what differs
+between performances; above that for another action, however its frames are warped.
 
-Temporal order: whether two videos follow the same order of time, beyond similar single poses. A
-free warp finds similar poses in almost any two videos. Similar windows of motion are rarer by
-chance: the poses of about 0.8 s, aligned by one rotation. Where the other video's time runs
+Temporal order: a free warp finds similar poses in almost any two videos. Similar windows of motion
+(about 0.8 s, aligned by one rotation) are rarer by chance. Where the other video's time runs
 backwards or begins elsewhere, a video of the same action fits clearly worse, and one of another
 action as well as before.
 
-Persistent pose difference of two videos, excluding slow rotation and noise. The warp residual
-aligns every pose by its own rotation, which absorbs part of any difference, and counts the noise of
-both videos. Here the rotation between two videos changes slowly, and a frame is compared with the
-mean of its possible counterparts in the other video, in which that video's noise is averaged out.
+Persistent pose difference, excluding slow rotation and noise: the warp residual aligns every pose
+by its own rotation, which absorbs part of any difference, and counts the noise of both videos. Here
+the rotation between two videos changes slowly, and a frame is compared with the mean of its
+possible counterparts, in which noise is averaged out.
 """
 
 from __future__ import annotations

@@ -1,23 +1,18 @@
 """Squared distances of each video to the template made of the other videos.
 
-Whitening of the joints: linear combinations of joints whose errors are independent and equal.
-Wrists err more than hips, and a limb errs as a whole: a distance that adds up all joints alike
-counts one error several times. The residuals of the current alignment give the covariance of the
-joints' errors; for features in which they are independent and equally large, the plain distance is
-the right one. Combining joints commutes with rotating poses, so alignment works on the features
-unchanged.
+The difference of two monocular estimates carries the noise of both. Once videos are roughly
+synchronised, the others' poses, rotated onto the reference and averaged at each moment, are a
+template with a fraction of it; never of the video itself, which would agree with its own noise.
 
-Distances between poses weighted by the certainty of each camera axis. A monocular estimate is far
-less certain along the line of sight than across it, and its orientation drifts slowly. Rigid
-alignment frame by frame can use neither fact: it spreads the error in depth over all directions and
-leaves every frame's rotation free. Once a video is roughly synchronised, the rotation between it
-and the template is a smooth function of time, and the residuals show how certain each of its axes
-is. Given both, the distance is a plain weighted one, a matrix product.
+Whitening: wrists err more than hips, and a limb errs as a whole, so a distance that adds up joints
+alike counts one error several times. The residuals of the current alignment give the covariance of
+the joints' errors, and features in which these are independent and equal. Combining joints commutes
+with rotating poses, so alignment works on the features unchanged.
 
-The difference of two monocular estimates carries the noise of both. Once the videos are roughly
-synchronised, the other videos' poses, rotated onto the reference and averaged at each moment, are a
-template with a fraction of that noise; each video is warped onto the template made of the others
-(never of itself: it would agree with its own noise).
+Camera axes: an estimate is far less certain along the line of sight, and its orientation drifts
+slowly. Rigid alignment frame by frame spreads the error in depth over all directions. Once videos
+are roughly synchronised the rotation to the template is a smooth function of time, and residuals
+show how certain each axis is: the distance is then a plain weighted one, a matrix product.
 """
 
 from __future__ import annotations
