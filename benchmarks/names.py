@@ -27,6 +27,7 @@ BenchmarkName = Literal[
     "protocol",
     "trials",
     "yoga",
+    "real",
     "h36m",
     "rendered",
     "detector",
@@ -57,6 +58,7 @@ MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
     "protocol": "motion",
     "trials": "motion",
     "yoga": "motion",
+    "real": "motion",
     "h36m": "motion",
     "rendered": "rendered",
     "detector": "detector",
@@ -99,7 +101,6 @@ class BenchmarkOptions:
     data: Path | None = None
     jobs: int = 1
     small: bool = False
-    docs: bool = False
 
 
 Report = Callable[[BenchmarkOptions, "Workspace", "Display"], "list[Table | str]"]
