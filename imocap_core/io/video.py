@@ -145,7 +145,7 @@ CONTAINERS = (
     "h261,h263,h264,hevc,ipu,ivf,lmlm4,m4v,matroska,mjpeg,mjpeg_2000,mov,mp3,mpeg,mpegts,"
     "mpegtsraw,mpegvideo,mxf,nsv,nut,nuv,obu,ogg,rm,swf,vc1,vc1test,vvc,wav,webp,wtv,yuv4mpegpipe"
 )
-# Titles in other encodings: PyAV refuses them unless told to replace; from 19 on it always replaces.
+# Titles in other encodings: PyAV below 19 refuses them unless told to replace; 19 replaces them.
 ANY_TITLES = {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
 ALONE = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 CAPTURE_RATE = "com.android.capture.fps"  # frames a second that an Android phone took

@@ -35,7 +35,7 @@ Capture = pytest.CaptureFixture[str]
         (["run", "nobody"], "no action 'nobody'"),
         (["stage", "dance", "toy"], "no stage 'dance'; there are: gather, scale, evaluate"),
         (["explain", "toy", "dance"], "no stage 'dance'"),
-        (["run", "toy", "--set", "sync.method=magic"], "sync.method: Input should be 'als'"),
+        (["run", "toy", "--set", "sync.method=magic"], "sync.method: expected 'als'"),
         (["run", "toy", "--set", "sync.magic=1"], "--set: sync.magic: unknown parameter"),
         (["run", "toy", "--set", "magic.x=1"], "--set: magic: unknown group of parameters"),
         (["run", "toy", "--set", "sync.method"], "expected group.name=value"),
