@@ -16,7 +16,6 @@
 #   make fuzz-guided       the same guided by coverage (atheris, Linux; SECONDS=300); record in build/fuzz
 #   make audit             known vulnerabilities of the pinned packages (asks the package index; its tools in .venv-audit)
 #   make sbom              what is installed in .venv, as a CycloneDX SBOM in build/sbom.json
-#   make detect-env         the environment that `keypoints: detect` runs in (a run makes it when needed)
 #   make docs               the documentation as a site in build/site (its tools in .venv-docs)
 #   make baseline          accept today's numbers as those that tests/regression holds
 #   make clean             remove what was built (.venv, .venv-*, caches); actions/ and artifacts/ stay
@@ -41,7 +40,7 @@ HASHES ?= --require-hashes
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean detect-env docs dist measure fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean docs dist measure fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -114,9 +113,6 @@ fuzz-guided: $(STAMP)
 KILLS ?= 100
 chaos: $(STAMP)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.chaos.run --kills $(KILLS)
-
-detect-env: $(STAMP)
-	@$(BIN)/imocap detect --setup
 
 audit: .venv-audit/.installed
 	@.venv-audit/bin/python tools/audit.py .venv-audit/bin/pip-audit

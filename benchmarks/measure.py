@@ -33,6 +33,7 @@ CODE = ("imocap_core", "stages", "benchmarks", "pipeline.yaml")  # what results 
 COMMAND = "python -m benchmarks.measure"
 FOLDER = Path("build/measure")
 DONE, FAILED, SKIPPED = "done", "failed", "skipped"
+STOPPED = (130, 143, -2, -15)  # exit codes of a command that was stopped alone
 SUMMARY = "measured"  # the documentation's table of what was measured when
 
 
@@ -172,7 +173,10 @@ def _run(measurement: Measurement, log: Path, jobs: int, root: Path) -> int:
         words += ["--jobs", str(jobs)]
     with log.open("wb") as out:
         child = [sys.executable, *words]
-        return subprocess.run(child, cwd=root, stdout=out, stderr=out, check=False).returncode
+        code = subprocess.run(child, cwd=root, stdout=out, stderr=out, check=False).returncode
+    if code in STOPPED:
+        raise KeyboardInterrupt
+    return code
 
 
 def _git(*words: str, root: Path = ROOT) -> str:

@@ -36,7 +36,6 @@ BenchmarkName = Literal[
     "stability",
     "ablations",
     "sync",
-    "trust",
     "screening",
     "wrong_start",
     "performers",
@@ -51,7 +50,6 @@ BenchmarkName = Literal[
     "cost",
     "speed",
     "lifter",
-    "body",
     "bones",
 ]
 MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
@@ -67,7 +65,6 @@ MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
     "stability": "stability",
     "ablations": "ablations",
     "sync": "sync",
-    "trust": "trust",
     "screening": "screening",
     "wrong_start": "wrong_start",
     "performers": "performers",
@@ -82,7 +79,6 @@ MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
     "cost": "cost",
     "speed": "speed",
     "lifter": "lifter",
-    "body": "body",
     "bones": "body",
 }
 
