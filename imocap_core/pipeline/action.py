@@ -307,7 +307,9 @@ def explain_faults(error: ValidationError, file: str) -> str:
         if fault["type"] == "missing":
             lines.append(f"{file}: {where}: is missing")
         elif fault["type"] == "extra_forbidden":
-            lines.append(f"{file}: {where}: unknown field")
+            given = str(fault["loc"][-1])
+            near = did_you_mean(given, (*_ActionFile.model_fields, *Declaration.model_fields))
+            lines.append(f"{file}: {where}: unknown field{'.' * bool(near)}{near}")
         elif fault["type"] == "value_error":
             lines.append(f"{file}: {where}: {message}")
         else:

@@ -56,7 +56,10 @@ def test_a_good_action(tmp_path: Path) -> None:
         ),
         (GOOD.replace("openpose", "openpoze"), "videos.0.format: expected 'openpose'"),
         (GOOD.replace("focal_px: null", "focal_px: -3"), "videos.1.focal_px: expected"),
-        (GOOD.replace("focal_px", "focal"), "videos.1.focal: unknown field"),
+        (
+            GOOD.replace("focal_px", "focal"),
+            "videos.1.focal: unknown field. Did you mean focal_px?",
+        ),
         (GOOD.replace("video: b.mp4, ", ""), "videos.1: expected a video"),
         (GOOD.replace("body25", "body26"), "videos.0.layout: expected"),
         (
