@@ -89,6 +89,11 @@ PLAN = (  # the shorter ones first
     _benchmark("protocol", "protocol-released-fine_tuned-4v", "protocol", in_parallel=True),
     _benchmark("trials", "trials-fine_tuned-4v", "trials", in_parallel=True),
     _benchmark("rendered", "rendered-4v", "trials", detected=True, in_parallel=True),
+    _benchmark(
+        "performances", "", "performances",
+        made="artifacts/benchmark/performances-fine_tuned/results.md",
+    ),
+    _benchmark("angles", "", "trials", made="artifacts/benchmark/angles-fine_tuned/angles.md"),
     _benchmark("collect", "", "trials", "balance_beam", detected=True),
     _benchmark("moving_camera"),
     _benchmark("degraded", "", "balance_beam", "crowd", detected=True, in_parallel=True),
