@@ -65,8 +65,9 @@ def _detector(workspace: Workspace) -> str:
     from imocap_core.detect.detection import is_set_up
     from imocap_core.detect.detectors import detector_of
     from imocap_core.detect.environment import DETECTION
+    from imocap_core.params import DetectParams
 
-    detector = detector_of(workspace.pipeline().params.detect, workspace.root)
+    detector = detector_of(DetectParams(), workspace.root)
     if is_set_up(detector):
         return f"detection: {detector.packages.stem} is ready"
     return f"detection: the first run fetches {detector.packages.stem} ({DETECTION.size})"
