@@ -146,7 +146,8 @@ CONTAINERS = (
     "mpegtsraw,mpegvideo,mxf,nsv,nut,nuv,obu,ogg,rm,swf,vc1,vc1test,vvc,wav,webp,wtv,yuv4mpegpipe"
 )
 # Titles in other encodings: PyAV below 19 refuses them unless told to replace; 19 replaces them.
-ANY_TITLES = {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
+_OLD = int(av.__version__.split(".")[0]) < 19
+ANY_TITLES: dict[str, Any] = {"metadata_errors": "replace"} if _OLD else {}
 ALONE = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 CAPTURE_RATE = "com.android.capture.fps"  # frames a second that an Android phone took
 SLOWED = 1.5  # times, that stamps and camera must differ: less is a rate that varies
