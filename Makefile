@@ -8,12 +8,14 @@
 #   make test-readers      our files in Blender, ufbx, OpenUSD, ezc3d, OpenSim and Rerun: 1.5 GB, in .venv-readers
 #   make check             lint, format, types, import order, tests
 #   make bench             fast parts beside named alternatives, one core: minutes; table in artifacts/benchmark/speed
+#   make measure           every benchmark of docs/measurements.md on this commit, hours; goes on where it ended
+#                          (MEASURE="trials penn --jobs 2"; MEASURE=--list says what is done)
+#   make dist              wheel and source distribution in build/dist
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
 #   make fuzz-guided       the same guided by coverage (atheris, Linux; SECONDS=300); record in build/fuzz
 #   make audit             known vulnerabilities of the pinned packages (asks the package index; its tools in .venv-audit)
 #   make sbom              what is installed in .venv, as a CycloneDX SBOM in build/sbom.json
-#   make detect-env         the environment that `keypoints: detect` runs in (a run makes it when needed)
 #   make docs               the documentation as a site in build/site (its tools in .venv-docs)
 #   make baseline          accept today's numbers as those that tests/regression holds
 #   make clean             remove what was built (.venv, .venv-*, caches); actions/ and artifacts/ stay
@@ -38,7 +40,7 @@ HASHES ?= --require-hashes
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean docs dist measure fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -90,6 +92,15 @@ bench: $(STAMP)
 	@for each in $(BENCHED); do test -d build/bench/$${each%%=*} || $(PIP) --no-deps --target build/bench $$each || echo "imocap: $$each cannot be installed here"; done
 	@PYTHONPATH=build/bench $(BIN)/imocap benchmark speed
 
+MEASURE ?=
+measure: $(STAMP)
+	@$(BIN)/python -m benchmarks.measure $(MEASURE)
+
+dist: $(STAMP)
+	@rm -rf build/dist
+	@$(BIN)/hatchling build -d build/dist >/dev/null
+	@echo "imocap: $$(ls build/dist/*)"
+
 SECONDS ?= 300
 fuzz: $(STAMP)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.run --seconds $(SECONDS)
@@ -102,9 +113,6 @@ fuzz-guided: $(STAMP)
 KILLS ?= 100
 chaos: $(STAMP)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.chaos.run --kills $(KILLS)
-
-detect-env: $(STAMP)
-	@$(BIN)/imocap detect --setup
 
 audit: .venv-audit/.installed
 	@.venv-audit/bin/python tools/audit.py .venv-audit/bin/pip-audit

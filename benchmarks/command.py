@@ -47,9 +47,6 @@ def benchmark_command(
     small: Annotated[
         bool, typer.Option("--small", help="rendered: pictures of 320 x 240, not 640 x 480.")
     ] = False,
-    docs: Annotated[
-        bool, typer.Option("--docs", help="Put the table into docs/measurements.md or README.md.")
-    ] = False,
 ) -> None:
     """Measure accuracy, ablations or speed."""
     from rich.markup import escape
@@ -62,7 +59,7 @@ def benchmark_command(
     console = speaker()
     chosen_variants = tuple(word.strip() for word in variants.split(",") if word.strip())
     options = BenchmarkOptions(
-        name, detector, sampling, videos, tuple(only), on, chosen_variants, data, jobs, small, docs
+        name, detector, sampling, videos, tuple(only), on, chosen_variants, data, jobs, small
     )
     with Terminal(console) as display:
         parts = report_of(name)(options, workspace, display)

@@ -27,6 +27,7 @@ BenchmarkName = Literal[
     "protocol",
     "trials",
     "yoga",
+    "real",
     "h36m",
     "rendered",
     "detector",
@@ -35,7 +36,6 @@ BenchmarkName = Literal[
     "stability",
     "ablations",
     "sync",
-    "trust",
     "screening",
     "wrong_start",
     "performers",
@@ -50,13 +50,13 @@ BenchmarkName = Literal[
     "cost",
     "speed",
     "lifter",
-    "body",
     "bones",
 ]
 MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
     "protocol": "motion",
     "trials": "motion",
     "yoga": "motion",
+    "real": "motion",
     "h36m": "motion",
     "rendered": "rendered",
     "detector": "detector",
@@ -65,7 +65,6 @@ MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
     "stability": "stability",
     "ablations": "ablations",
     "sync": "sync",
-    "trust": "trust",
     "screening": "screening",
     "wrong_start": "wrong_start",
     "performers": "performers",
@@ -80,7 +79,6 @@ MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
     "cost": "cost",
     "speed": "speed",
     "lifter": "lifter",
-    "body": "body",
     "bones": "body",
 }
 
@@ -99,7 +97,6 @@ class BenchmarkOptions:
     data: Path | None = None
     jobs: int = 1
     small: bool = False
-    docs: bool = False
 
 
 Report = Callable[[BenchmarkOptions, "Workspace", "Display"], "list[Table | str]"]

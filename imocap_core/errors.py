@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
 import re
 import tempfile
+from collections.abc import Iterable
 
 ADVICE = {
     errno.ENOENT: "check the path, or make the folder",
@@ -23,6 +25,12 @@ _UNSHOWN = re.compile(rf"{CONTROL.pattern[:-1]}\u202a-\u202e\u2066-\u2069\ud800-
 def shown_text(text: str) -> str:
     """A text with control characters as escapes: a terminal shows it and does nothing else."""
     return _UNSHOWN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
+
+
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
+    """' Did you mean X?' of the choice that is nearest to a word; empty where none is near."""
+    near = difflib.get_close_matches(word, list(choices), 1)
+    return f" Did you mean {near[0]}?" if near else ""
 
 
 class ImocapError(Exception):

@@ -1,3 +1,3 @@
-"""The version of the program, as in pyproject.toml."""
+"""The version of the program; CITATION.cff has it too."""
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"

@@ -124,7 +124,7 @@ def check_files(action: Action) -> None:
 
 def _why_missing(folder: Path, given: str) -> str:
     """A sentence on a path that leads nowhere, with what was probably meant."""
-    path = folder / given
+    path = path_of(folder, given)
     if "://" in given:
         return f"{given} is an address; download the file and name it here"
     if (folder / given.replace("\\", "/")).exists():

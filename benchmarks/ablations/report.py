@@ -7,7 +7,6 @@ from rich.table import Table
 from benchmarks.ablations.measure import measure
 from benchmarks.ablations.tables import markdown
 from benchmarks.actions.choice import Choice
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
@@ -19,12 +18,6 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     if (options.detector, options.videos) != ("fine_tuned", 4):
         raise WrongUse("ablations set --detector and --videos themselves; leave both out")
     base = Choice(options.on, sampling=options.sampling, only=options.only, data=options.data)
-    label = f"ablations-{base.set_label}"
-    if options.docs:
-        check_marks(workspace.root, label)
     table, folder = measure(workspace, base, options.variants, display, options.jobs)
     text = markdown(table)
-    lines = [text, f"Written to {folder}"]
-    if options.docs:
-        lines += docs_sentences(workspace.root, label, text)
-    return [*lines]
+    return [text, f"Written to {folder}"]

@@ -10,12 +10,14 @@ from benchmarks.synthetic.detector_presets import DETECTORS
 from benchmarks.synthetic.frame_sampling import SAMPLINGS
 from imocap_core.errors import WrongUse
 
-NAMES = ("protocol", "trials", "yoga", "h36m")
+NAMES = ("protocol", "trials", "yoga", "real", "h36m")
+AS_GIVEN = ("yoga", "real")  # nothing about them can be chosen
 MADE_VIEWS = ("protocol", "trials")  # filmed by as many made cameras as are asked for
 TITLES = {
     "protocol": "The paper's protocol: one motion, resampled",
     "trials": "The real task: every video another performance",
     "yoga": "The project's own demo",
+    "real": "Real video of four phones",
     "h36m": "Human3.6M: the paper's data and protocol",
 }
 DATA = {
@@ -23,6 +25,7 @@ DATA = {
     "trials": "CMU motion capture (mocap.cs.cmu.edu, NSF EIA-0196217), six actions; tennis strokes "
     "of Pulgarin-Giraldo et al., LNCS 10125 (2017), four actions",
     "yoga": "made by the project",
+    "real": "Pose2Sim's demos (BSD-3-Clause); the reference is their calibrated triangulation",
     "h36m": "Human3.6M, subjects S9 and S11, 2D by CPN fine-tuned on it (VideoPose3D's files)",
 }
 RESAMPLED = ("protocol", "h36m")
@@ -65,7 +68,7 @@ class Choice:
         parts = [self.set_label]
         if self.name in ("protocol", "trials"):
             parts.append(self.detector)
-        if self.name != "yoga":
+        if self.name not in AS_GIVEN:
             parts.append(f"{self.videos}v")
         return "-".join([*parts, "outlier"] if self.outlier else parts)
 
@@ -80,7 +83,7 @@ class Choice:
         words = [f"imocap benchmark {self.name}"]
         if self.name in ("protocol", "trials"):
             words.append(f"--detector {self.detector}")
-        if self.name != "yoga":
+        if self.name not in AS_GIVEN:
             words.append(f"--videos {self.videos}")
         if self.name in RESAMPLED:
             words.append(f"--sampling {self.sampling}")

@@ -14,6 +14,7 @@ from benchmarks.actions.captured import (
     trial_videos,
 )
 from benchmarks.actions.choice import Choice
+from benchmarks.actions.real import REAL, make_real, real_source, source_files
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.source import closure
@@ -24,6 +25,8 @@ def action_names(root: Path, choice: Choice) -> list[str]:
     """Every action of the choice's data, whatever its `only`."""
     if choice.name == "yoga":
         return ["yoga"]
+    if choice.name == "real":
+        return list(REAL)
     if choice.name == "h36m":
         from benchmarks.actions.h36m import h36m_actions
 
@@ -46,8 +49,12 @@ def ready_job(
     """A job of an action; its folder is made first unless the same code and data made it."""
     if choice.name == "yoga":
         return workspace.ready_job("yoga", list(sets), display)
-    folder, videos = _folder(workspace, choice, name), _videos(workspace.root, choice, name)
-    make_action(folder, name, videos, choice.detector, {}, _key(workspace, choice, name))
+    folder, key = _folder(workspace, choice, name), _key(workspace, choice, name)
+    if choice.name == "real":
+        make_real(folder, real_source(workspace.root, name), key)
+    else:
+        videos = _videos(workspace.root, choice, name)
+        make_action(folder, name, videos, choice.detector, {}, key)
     return Workspace(choice.folder(workspace.root)).ready_job(str(folder), list(sets), display)
 
 
@@ -80,6 +87,8 @@ def _inputs(root: Path, choice: Choice, name: str) -> list[Path]:
         from benchmarks.actions.h36m import h36m_files
 
         return h36m_files(choice)
+    if choice.name == "real":
+        return source_files(real_source(root, name))
     file = data_folder(root, choice.name) / f"{name}.npz"
     return [file, _outlier_file(root, choice, name)] if choice.outlier else [file]
 

@@ -8,7 +8,6 @@ from rich.table import Table
 
 from benchmarks.collect.measure import CollectScores, measure, write_numbers
 from benchmarks.collect.truth import Tally
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from benchmarks.scoring.score_file import ActionScore
 from benchmarks.tables import CAMERA, PA, SCALED, SYNC, cell, markdown_table
@@ -20,18 +19,13 @@ NAME = "collect"
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """The tables as Markdown, and what was written."""
-    if options.docs:
-        check_marks(workspace.root, NAME)
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     folder.mkdir(parents=True, exist_ok=True)
     scores = measure(workspace, folder, display, run=options.variants != ("lists",))
     text = markdown(scores)
     (folder / "table.md").write_text(text, encoding="utf-8")
     write_numbers(scores, folder / "numbers.json")
-    lines = [text, f"Written to {folder}"]
-    if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text)
-    return [*lines]
+    return [text, f"Written to {folder}"]
 
 
 def markdown(scores: CollectScores) -> str:

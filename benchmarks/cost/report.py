@@ -19,7 +19,6 @@ from benchmarks.cost.tables import (
     prediction_table,
     scale_text,
 )
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from benchmarks.tables import DETAILS, write_rows, write_texts
 from imocap_core.errors import WrongUse
@@ -39,8 +38,6 @@ ACTIONS, SIZE, MACHINES = (20, 1_000, 10_000), (8, 300, 25), 10
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """Measure what was not (`--only 4x150-body25` for some sizes), and fit."""
-    if options.docs:
-        check_marks(workspace.root, NAME)
     names = {size.name: size for size in (*FITTED, *HELD_OUT)}
     for name in options.only:
         if name not in names:
@@ -52,8 +49,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         return [f"Measured: {', '.join(options.only)}", f"Written to {folder}"]
     text = text_of(folder)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
-    return [text, f"Written to {folder}", *written]
+    return [text, f"Written to {folder}"]
 
 
 def text_of(folder: Path) -> str:

@@ -11,10 +11,11 @@ from shutil import copyfile
 import yaml
 
 from benchmarks.actions.action_folder import action_key, make_whole
+from benchmarks.actions.real import copy_file, detected_declaration, source_files
 from benchmarks.degraded.footage import Footage, degraded_pictures
 from benchmarks.detector.reference import reference_limbs
 from benchmarks.stability.perturbations import Declared
-from benchmarks.stability.variants import CRF, TRUTHS, copy_file, detected_declaration, source_files
+from benchmarks.stability.variants import CRF, TRUTHS
 from imocap_core.io.video import probe, read_rgb, write_h264
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.source import closure

@@ -9,7 +9,6 @@ from rich.table import Table
 from benchmarks.actions.captured import data_folder
 from benchmarks.detector.degradations import DEGRADATIONS
 from benchmarks.detector.measure import DetectorScore, measure
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from benchmarks.tables import cell, markdown_table, write_texts
 from imocap_core.errors import WorkFailed, WrongUse
@@ -27,8 +26,6 @@ HEAD = (
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """The table as Markdown, and what was written."""
-    if options.docs:
-        check_marks(workspace.root, NAME)
     names = [d.name for d in DEGRADATIONS]
     unknown = [name for name in options.only if name not in ACTIONS]
     unknown += [name for name in options.variants if name not in names]
@@ -47,10 +44,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = markdown(scores)
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     write_texts(folder, {"table.md": text})
-    lines = [text, f"Written to {folder}"]
-    if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text)
-    return [*lines]
+    return [text, f"Written to {folder}"]
 
 
 def markdown(scores: Sequence[DetectorScore]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks.actions.choice import DATA, TITLES, Choice
+from benchmarks.actions.choice import AS_GIVEN, DATA, TITLES, Choice
 from benchmarks.actions.prepare import action_names, chosen_names, existing_job, ready_job
 from benchmarks.motion.tables import MotionBenchmark, csv_text, json_text, markdown
 from benchmarks.parallel import ActionDisplay, each
@@ -82,7 +82,7 @@ def _benchmark(choice: Choice, names: list[str], scores: dict[str, ActionScore])
         TITLES[choice.name],
         choice.command,
         DATA[choice.name],
-        "" if choice.name == "yoga" else choice.detector,
+        "" if choice.name in AS_GIVEN else choice.detector,
         [scores[name] for name in names if name in scores],
         [name for name in names if name not in scores],
     )

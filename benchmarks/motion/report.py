@@ -5,7 +5,6 @@ from __future__ import annotations
 from rich.table import Table
 
 from benchmarks.actions.choice import Choice
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.motion.measure import measure
 from benchmarks.motion.tables import markdown
 from benchmarks.names import BenchmarkOptions
@@ -26,11 +25,6 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         options.only,
         data=options.data,
     )
-    if options.docs:
-        check_marks(workspace.root, choice.label)
     benchmark, folder = measure(workspace, choice, display, options.jobs)
     text = markdown(benchmark)
-    lines = [text, f"Written to {folder}"]
-    if options.docs:
-        lines += docs_sentences(workspace.root, choice.label, text)
-    return [*lines]
+    return [text, f"Written to {folder}"]

@@ -6,7 +6,6 @@ from itertools import product
 
 from rich.table import Table
 
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.moving_camera.films import film_count, film_row
 from benchmarks.moving_camera.motions import CASES, SEEDS, motion_row
 from benchmarks.moving_camera.tables import markdown
@@ -25,8 +24,6 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     for part in options.only:
         if part not in PARTS:
             raise WrongUse(f"--only {part}: expected one of {', '.join(PARTS)}")
-    if options.docs:
-        check_marks(workspace.root, NAME)
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     films, motions = [], []
     if not options.only or "films" in options.only:
@@ -40,6 +37,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
             motions.append(motion_row(display, workspace.root, seed, case))
     text = markdown(films, motions)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
     shown = [table_of_rows(films)] if films else []
-    return [text, *shown, f"Written to {folder}", *written]
+    return [text, *shown, f"Written to {folder}"]

@@ -8,7 +8,6 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.actions.captured import data_folder
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.performers.measure import RUNS, PerformerRow, measured
 from benchmarks.tables import cell, markdown_table, write_rows, write_texts
@@ -26,16 +25,13 @@ HEAD = (
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """A row for every run and performer, and the means of the runs."""
-    if options.docs:
-        check_marks(workspace.root, NAME)
     files = [data_folder(workspace.root, kind) / f"{name}.npz" for kind, name in FILES]
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     rows = measured(folder, files, VIDEOS, options.detector, display)
     text = markdown(rows)
     write_rows(folder, "results", rows)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
-    return [table_of_rows(rows), summary(rows), f"Written to {folder}", *written]
+    return [table_of_rows(rows), summary(rows), f"Written to {folder}"]
 
 
 def markdown(rows: Sequence[PerformerRow]) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.actions.captured import data_folder
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import each
 from benchmarks.screening.fits import STAGE, FittedCast, fitted_cast
@@ -28,8 +27,6 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     """The table of all scenes, and where it was written; `--only`: clips, all when empty."""
     if unknown := [clip for clip in options.only if clip not in CLIPS]:
         raise WrongUse(f"--only {unknown[0]}: expected one of {', '.join(CLIPS)}")
-    if options.docs:
-        check_marks(workspace.root, NAME)
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     scenes = scenes_of(_casts(options, workspace, folder, display))
     rows = _rows(scenes, workspace.pipeline().params.sync, options.jobs, display)
@@ -38,10 +35,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = screening_table(rows)
     write_rows(folder, "scenes", rows)
     (folder / "table.md").write_text(text, encoding="utf-8")
-    lines = [text, f"Written to {folder}"]
-    if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text)
-    return [*lines]
+    return [text, f"Written to {folder}"]
 
 
 def fit_clip(

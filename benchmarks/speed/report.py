@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from rich.table import Table
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from benchmarks.solver.race import one_core
 from benchmarks.speed import contests
@@ -27,8 +26,6 @@ HEAD = (
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """All contests (`--only affinity` for some), one core, processor time."""
-    if options.docs:
-        check_marks(workspace.root, NAME)
     pipeline = workspace.pipeline()
     params = pipeline.params
     parts: dict[str, Callable[[], list[RatioRow]]] = {
@@ -50,8 +47,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = f"{summary(rows)}\n{DETAILS}\n\n{markdown(rows)}"
     write_rows(folder, "results", rows)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
-    return [text, f"Written to {folder}", *written]
+    return [text, f"Written to {folder}"]
 
 
 def markdown(rows: Sequence[RatioRow]) -> str:

@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.actions.action_folder import MADE, action_key, make_whole
+from benchmarks.actions.action_folder import action_key, make_whole
 from benchmarks.actions.captured import SEED
+from benchmarks.actions.real import copy_file, detected_declaration, source_files
 from benchmarks.stability.perturbations import (
     Declared,
     Perturbation,
@@ -41,11 +42,6 @@ def variant_key(source: Path, perturbation: Perturbation, detected: bool) -> str
     """Digest of all that a variant is made of."""
     recipe = [closure(Path(__file__)), perturbation.name, detected]
     return action_key(recipe, source_files(source))
-
-
-def source_files(source: Path) -> list[Path]:
-    """All files of an action's folder but the mark of how it was made."""
-    return sorted(file for file in source.rglob("*") if file.is_file() and file.name != MADE)
 
 
 def make_variant(folder: Path, source: Path, perturbation: Perturbation, detected: bool) -> None:
@@ -92,12 +88,6 @@ def _video(
     if new["keypoints"] != DETECT:
         _write_points(folder, source, declared["keypoints"], perturbation, scale, rng)
     return new
-
-
-def detected_declaration(declared: Declared) -> Declared:
-    """A video's declaration with keypoints to be detected, whatever it says."""
-    plain = {k: v for k, v in declared.items() if k not in ("format", "layout")}
-    return plain | {"keypoints": DETECT}
 
 
 def frame_range(source: Path, declared: Declared) -> tuple[int, int]:
@@ -176,9 +166,3 @@ def _points(person: dict[str, Any]) -> Points:
 
 def _ratio(before: tuple[int, int], after: tuple[int, int]) -> Scale:
     return after[0] / before[0], after[1] / before[1]
-
-
-def copy_file(source: Path, folder: Path, name: str) -> None:
-    """A file, by its path in the action's folder; its bytes alone, as data may be read-only."""
-    (folder / name).parent.mkdir(parents=True, exist_ok=True)
-    copyfile(source / name, folder / name)

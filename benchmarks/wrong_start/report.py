@@ -5,7 +5,6 @@ from __future__ import annotations
 from rich.table import Table
 
 from benchmarks.actions.choice import Choice
-from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.parallel import each
 from benchmarks.tables import write_rows, write_texts
@@ -23,8 +22,6 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
 
     Everything is written after every action; WorkFailed when no action could be measured.
     """
-    if options.docs:
-        check_marks(workspace.root, NAME)
     choice = Choice("trials", options.detector, videos=options.videos, only=options.only)
     names = names_of(workspace.root, choice)
     folder = choice.folder(workspace.root) / NAME
@@ -45,5 +42,4 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         write_texts(folder, {"table.md": text})
     if not done:
         raise WorkFailed("\n".join(faults))
-    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
-    return [text, table_of_rows(motions), *faults, f"Written to {folder}", *written]
+    return [text, table_of_rows(motions), *faults, f"Written to {folder}"]

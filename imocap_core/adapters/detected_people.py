@@ -267,7 +267,7 @@ def followed_video(
     detected = read_people(declared, folder, video, action_file)
     frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
     survey = None if video is None else survey_video(video, frames, size, fps)
-    if survey is not None and params.cuts:
+    if survey is not None:
         inside = shot_inside(survey.cuts, frames, fps)
         detected, survey = _inside(detected, survey, *inside)
         frames = detected.people.frames
@@ -339,7 +339,7 @@ def performer_keypoints(
         person_box_px=performer.box_px,
         tracks_found=performer.tracks_found,
         presence=performer.presence,
-        note=_note_of(video, performer, params),
+        note=_note_of(video, performer),
         hands=_hands_of(video, performer),
         damaged=None if survey is None else survey.damaged_spans(people.frames),
         performer=declared.performer,
@@ -361,10 +361,10 @@ def with_corrected_marks(video: VideoKeypoints) -> VideoKeypoints:
     return video.model_copy(update={"corrected": CorrectedMarks(xy_px=xy_px)})
 
 
-def _note_of(video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams) -> str:
+def _note_of(video: DetectedVideo, performer: PerformerKeypoints) -> str:
     """The note on a video's people, on how its file was read, and advice about its cuts."""
     parts = [performer.note, *video.remarks]
-    if video.survey is not None and params.cuts:
+    if video.survey is not None:
         parts.append(advice(video.survey.cuts, video.people.frames))
     return "; ".join(part for part in parts if part)
 

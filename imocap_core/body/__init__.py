@@ -10,13 +10,12 @@ from imocap_core.body.model import (
     keypoints_with_jacobian,
     points_with_jacobian,
 )
-from imocap_core.body.official import ModelStatus, load_body, model_status
+from imocap_core.body.official import load_body, model_files
 from imocap_core.body.points import PointSet, join_points, make_points, pick_points
 
 __all__ = [
     "Mesh",
     "Model",
-    "ModelStatus",
     "PointSet",
     "Posed",
     "Shaped",
@@ -27,7 +26,7 @@ __all__ = [
     "load_body",
     "load_free_body",
     "make_points",
-    "model_status",
+    "model_files",
     "pick_points",
     "points_with_jacobian",
 ]

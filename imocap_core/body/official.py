@@ -15,7 +15,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -179,35 +179,20 @@ def _landmarks(arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> dict[st
     return landmarks
 
 
-@dataclass(frozen=True)
-class ModelStatus:
-    """One line of `imocap doctor`: a body model, its file if there is one, and a note."""
-
-    name: str
-    path: Path | None
-    note: str
-
-
 # File names of the downloads; SMPL+H is smplh_male.pkl or smplh/male/model.npz.
 _FILES = {
-    "SMPL": (r"(smpl_|basic_?model_)[^/]*\.(pkl|npz)", "https://smpl.is.tue.mpg.de"),
-    "SMPL+H": (r"smplh(_\w+|/\w+/model)\.(pkl|npz)", "https://mano.is.tue.mpg.de"),
-    "SMPL-X": (r"smplx(_\w+|/\w+/model)\.(pkl|npz)", "https://smpl-x.is.tue.mpg.de"),
+    "SMPL": r"(smpl_|basic_?model_)[^/]*\.(pkl|npz)",
+    "SMPL+H": r"smplh(_\w+|/\w+/model)\.(pkl|npz)",
+    "SMPL-X": r"smplx(_\w+|/\w+/model)\.(pkl|npz)",
 }
 
 
-def model_status(folder: Path | None) -> list[ModelStatus]:
-    """The available body models: the free one always, official ones by file name below `folder`.
-
-    Files are not read; `load_body` checks them.
-    """
-    rows = [ModelStatus("free body", None, "ships with imocap; nothing to install")]
-    files = [] if folder is None or not folder.is_dir() else sorted(folder.rglob("*"))
-    for name, (pattern, home) in _FILES.items():
-        named = re.compile(f".*/{pattern}", re.IGNORECASE)
-        matching = [f for f in files if named.fullmatch(f.resolve().as_posix())]
-        rows += [ModelStatus(name, file, "found") for file in matching]
-        if not matching:
-            where = "none, no folder given" if folder is None else f"none below {folder}"
-            rows.append(ModelStatus(name, None, f"{where}; optional, register at {home}"))
-    return rows
+def model_files(folder: Path | None) -> dict[str, list[Path]]:
+    """The official models' files below `folder`, by model; `load_body` reads them."""
+    files = [] if folder is None else sorted(folder.rglob("*"))
+    return {
+        name: [
+            f for f in files if re.fullmatch(f".*/{pattern}", f.resolve().as_posix(), re.IGNORECASE)
+        ]
+        for name, pattern in _FILES.items()
+    }

@@ -145,12 +145,9 @@ def add_benchmarks(app: typer.Typer) -> None:
         if error.name not in ("benchmarks", "benchmarks.command"):
             raise
         command = _absent
-    app.command(
-        "benchmark",
-        context_settings={"allow_extra_args": True, "ignore_unknown_options": True}
-        if command is _absent
-        else None,
-    )(command)
+    absent = command is _absent
+    settings = {"allow_extra_args": True, "ignore_unknown_options": True} if absent else None
+    app.command("benchmark", context_settings=settings, hidden=absent)(command)
 
 
 def _absent(context: typer.Context) -> None:

@@ -160,8 +160,8 @@ def _mediapipe(params: DetectParams) -> Detector:
         name="mediapipe",
         worker=HERE / "workers" / "mediapipe_pose.py",
         settings={
-            name: getattr(params, name)
-            for name in ("hands", "follow", "min_detection_confidence", "min_tracking_confidence")
+            "hands": params.hands,
+            "min_detection_confidence": params.min_detection_confidence,
         },
         models=(),
         arrays=landmark_arrays,
@@ -206,7 +206,6 @@ def _rtmlib(params: DetectParams, folder: Path) -> Detector:
         worker=HERE / "workers" / "rtmlib_pose.py",
         settings={
             "hands": params.hands,
-            "mode": params.rtmlib_mode,
             **{name: None if path is None else str(path) for name, path in paths.items()},
         },
         models=tuple(path for path in paths.values() if path is not None),

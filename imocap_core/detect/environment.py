@@ -55,7 +55,7 @@ DETECTION = Environment(
     purpose="detection",
     variable="IMOCAP_DETECT_PYTHON",
     folder=".venv-detect",
-    versions=((3, 11), (3, 12)),
+    versions=((3, 11), (3, 12), (3, 13), (3, 14)),
     size="some 320 MB fetched, 360 MB on the disk",
     offer="run `imocap detect --setup` once",
 )

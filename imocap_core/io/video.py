@@ -145,6 +145,9 @@ CONTAINERS = (
     "h261,h263,h264,hevc,ipu,ivf,lmlm4,m4v,matroska,mjpeg,mjpeg_2000,mov,mp3,mpeg,mpegts,"
     "mpegtsraw,mpegvideo,mxf,nsv,nut,nuv,obu,ogg,rm,swf,vc1,vc1test,vvc,wav,webp,wtv,yuv4mpegpipe"
 )
+# Titles in other encodings: PyAV below 19 refuses them unless told to replace; 19 replaces them.
+_OLD = int(av.__version__.split(".")[0]) < 19
+ANY_TITLES: dict[str, Any] = {"metadata_errors": "replace"} if _OLD else {}
 ALONE = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 CAPTURE_RATE = "com.android.capture.fps"  # frames a second that an Android phone took
 SLOWED = 1.5  # times, that stamps and camera must differ: less is a rate that varies
@@ -345,7 +348,7 @@ def open_video(path: Path) -> Any:
         fault = "is a folder, not a video" if path.is_dir() else "no such video file"
         raise ValueError(f"{path}: {fault}; check `video` in action.yaml")
     try:
-        return av.open(f"file:{path}", metadata_errors="replace", options=dict(ALONE))
+        return av.open(f"file:{path}", options=dict(ALONE), **ANY_TITLES)
     except (av.FFmpegError, OSError) as error:
         if error.errno == errno.EINVAL:  # of FFmpeg for what is not among `CONTAINERS`
             raise ValueError(

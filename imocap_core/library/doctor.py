@@ -15,6 +15,7 @@ from typing import Any
 
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.builtin_actions import BUILT_IN
+from imocap_core.version import __version__
 from imocap_core.workspace import Workspace
 
 NEEDED = ("torch", "numpy", "scipy", "opencv-python-headless", "av", "mcap", "protobuf", "pydantic")
@@ -36,19 +37,20 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
     workspace = Workspace(Path(root))
     checks: tuple[Callable[[], str], ...] = (
         lambda: (
-            f"Python {platform.python_version()} ({sys.executable}) on {platform.system()}, "
-            f"{os.cpu_count()} cores"
+            f"Python {platform.python_version()} on {platform.system()}, {os.cpu_count()} cores: "
+            f"{sys.executable}"
         ),
-        lambda: f"packages: {', '.join(f'{n} {metadata.version(n)}' for n in ('imocap', *NEEDED))}",
-        lambda: _extra("paths of moving cameras", "pycolmap", "moving"),
-        lambda: _extra("h5 of DeepLabCut and SLEAP", "h5py", "h5"),
-        _blender,
+        lambda: f"imocap {__version__}; {', '.join(f'{n} {metadata.version(n)}' for n in NEEDED)}",
         lambda: f"pipeline: {workspace.pipeline().file}",
         lambda: _folder(workspace),
         lambda: _actions(workspace),
+        lambda: _detector(workspace),
         _video,
         _body,
         *_official_bodies(models),
+        lambda: _extra("paths of moving cameras", "pycolmap", "moving"),
+        lambda: _extra("h5 of DeepLabCut and SLEAP", "h5py", "h5"),
+        _blender,
     )
     for check in checks:
         try:
@@ -57,6 +59,18 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
             yield Check(False, str(error))
         except Exception as error:
             yield Check(False, f"{type(error).__name__}: {error}")
+
+
+def _detector(workspace: Workspace) -> str:
+    from imocap_core.detect.detection import is_set_up
+    from imocap_core.detect.detectors import detector_of
+    from imocap_core.detect.environment import DETECTION
+    from imocap_core.params import DetectParams
+
+    detector = detector_of(DetectParams(), workspace.root)
+    if is_set_up(detector):
+        return f"detection: {detector.packages.stem} is ready"
+    return f"detection: the first run fetches {detector.packages.stem} ({DETECTION.size})"
 
 
 def _extra(use: str, package: str, extra: str) -> str:
@@ -97,16 +111,17 @@ def _body() -> str:
 
 
 def _official_bodies(folder: Path | None) -> list[Callable[[], str]]:
-    """A check for each official body model; an absent one is fine, an unreadable one is not."""
-    from imocap_core.body import model_status
+    """A check of each file, and one sentence on models without any: these are optional."""
+    from imocap_core.body import model_files
 
-    return [
-        partial(_read_body, row.name, row.path)
-        if row.path is not None
-        else partial(str, f"body model {row.name}: {row.note}")
-        for row in model_status(folder)
-        if row.name != "free body"
+    files = model_files(folder)
+    checks: list[Callable[[], str]] = [
+        partial(_read_body, name, file) for name, rows in files.items() for file in rows
     ]
+    if absent := ", ".join(name for name, rows in files.items() if not rows):
+        where = f"below {folder}" if folder else "(--models FOLDER)"
+        checks.append(lambda: f"body models of your own, optional: no {absent} {where}")
+    return checks
 
 
 def _read_body(name: str, file: Path) -> str:

@@ -33,7 +33,7 @@ def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
         raise WorkFailed("\n".join(faults.values()))
     notes = _performer_notes(followed, faults, action, params)
     for video in followed.values():
-        if video.survey is not None and params.cuts:
+        if video.survey is not None:
             sentence = advice(video.survey.cuts, video.people.frames)
             notes[video.id] = [*notes.get(video.id, []), sentence]
     ranked = {video.id: video.people.ranked for video in followed.values()}

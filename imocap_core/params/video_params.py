@@ -20,10 +20,6 @@ class DetectParams:
     hands: bool = param(
         False, "Detect the 2 x 21 points of both hands too, which the stage `hands` needs. Slower."
     )
-    follow: bool = param(
-        False,
-        "MediaPipe: search only near the person's last position. Faster, but it loses people.",
-    )
     min_detection_confidence: Share = param(
         0.5, "MediaPipe: detections of a person below this confidence are dropped."
     )
@@ -45,11 +41,8 @@ class DetectParams:
     )
     min_tracking_confidence: Share = param(
         0.5,
-        "MediaPipe with `follow`, BlazePose: below this confidence the person is lost, and "
+        "BlazePose: below this confidence the person is lost, and "
         "searched for in the whole picture.",
-    )
-    rtmlib_mode: Literal["lightweight", "balanced", "performance"] = param(
-        "balanced", "rtmlib: which of its models it downloads, from fastest to most accurate."
     )
     rtmlib_person_model: str | None = param(
         None,
@@ -102,9 +95,6 @@ class KeypointsParams:
         True,
         "Move shoulders and hips from where the detector marks them to the points of the body that "
         "their layout gives, by view and pose (blazepose33 only).",
-    )
-    cuts: bool = param(
-        True, "Look for cuts between shots and report them, where the action has the video file."
     )
 
 

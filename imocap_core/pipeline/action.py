@@ -19,7 +19,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WorkFailed, WrongUse, did_you_mean
 from imocap_core.identifiers import NAME, Id
 from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
 from imocap_core.limits import LAST_FRAME, MAX_DISTORTION, MAX_FPS, MAX_SIDE_PX, MIN_FPS
@@ -272,7 +272,7 @@ def find_action(name_or_path: str, root: Path) -> Path:
     raise WrongUse(
         f"no action {name_or_path!r}: neither {named / FILE_NAME} nor "
         f"{Path(name_or_path) / FILE_NAME} exists. {existing} "
-        f"Make one with: imocap init NAME VIDEO..."
+        f"Make one with: imocap init NAME VIDEO...{did_you_mean(name_or_path, names)}"
     )
 
 
@@ -307,10 +307,13 @@ def explain_faults(error: ValidationError, file: str) -> str:
         if fault["type"] == "missing":
             lines.append(f"{file}: {where}: is missing")
         elif fault["type"] == "extra_forbidden":
-            lines.append(f"{file}: {where}: unknown field")
+            given = str(fault["loc"][-1])
+            near = did_you_mean(given, (*_ActionFile.model_fields, *Declaration.model_fields))
+            lines.append(f"{file}: {where}: unknown field{'.' * bool(near)}{near}")
         elif fault["type"] == "value_error":
             lines.append(f"{file}: {where}: {message}")
         else:
+            message = message.replace("Input should be", "expected")
             lines.append(f"{file}: {where}: {message}, got {_short(fault['input'])}")
     return "\n".join(lines)
 

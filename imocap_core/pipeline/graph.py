@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WorkFailed, WrongUse, did_you_mean
 from imocap_core.params import Params
 from imocap_core.pipeline.action import explain_faults, parse
 from imocap_core.pipeline.source import PROJECT, module_name
@@ -169,7 +169,7 @@ def _merge(
         if group not in merged:
             raise WorkFailed(
                 f"{source}: {group}: unknown group of parameters; expected one of "
-                f"{', '.join(merged)}"
+                f"{', '.join(merged)}.{did_you_mean(group, merged)}"
             )
         if not isinstance(by_name, Mapping):
             raise WorkFailed(f"{source}: {group}: expected 'name: value' pairs, got {by_name!r}")
@@ -177,7 +177,7 @@ def _merge(
         if unknown:
             raise WorkFailed(
                 f"{source}: {group}.{unknown[0]}: unknown parameter; expected one of "
-                f"{', '.join(merged[group])}"
+                f"{', '.join(merged[group])}.{did_you_mean(unknown[0], merged[group])}"
             )
         merged[group].update(by_name)
     return merged

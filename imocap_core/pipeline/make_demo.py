@@ -39,7 +39,6 @@ from imocap_core.synthetic.yoga_clip import (
 
 DEMOS = ("yoga", "taichi")
 _COUNT = {"yoga": len(YOGA_SPANS), "taichi": len(TAICHI_SPANS)}
-DEFAULT_SEED = 7
 _WORKERS = 2
 _CRF = 18  # H.264 quality: hardly any loss
 

@@ -34,7 +34,8 @@ def load_yaml(file: Path) -> Any:
         must_be_small_enough(file, MAX_YAML_BYTES)
         return load_yaml_text(file.read_text(encoding="utf-8"))
     except (yaml.YAMLError, RecursionError) as error:
-        raise WorkFailed(f"{file} is not YAML: {' '.join(str(error).split())[:300]}") from None
+        where = " ".join(str(error).replace('in "<unicode string>", ', "at ").split())[:300]
+        raise WorkFailed(f"{file} is not YAML: {where.removesuffix(': ^')}") from None
     except UnicodeDecodeError as error:
         raise WorkFailed(f"cannot read {file}: {error}; save it as UTF-8") from None
     except ValueError as error:  # a number or a date that cannot be

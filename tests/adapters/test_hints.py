@@ -54,8 +54,8 @@ def test_hints_are_read(tmp_path: Path) -> None:
     [
         ("anchors: [{v1: 1, v9: 2}]", "anchors.0: unknown video 'v9'; expected one of v1, v2, v3"),
         ("anchors: [{v1: 1}]", "expected frames of at least two videos"),
-        ("anchors: [{v1: 1, v2: -4}]", "anchors.0.v2: Input should be greater than or equal to 0"),
-        ("anchors: [{v1: 1, v2: 2.5}]", "anchors.0.v2: Input should be a valid integer"),
+        ("anchors: [{v1: 1, v2: -4}]", "anchors.0.v2: expected greater than or equal to 0"),
+        ("anchors: [{v1: 1, v2: 2.5}]", "anchors.0.v2: expected a valid integer"),
         ("anchors: [{v1: 10, v2: 20}, {v1: 30, v2: 5}]", "anchors.0 and anchors.1 contradict"),
         (
             "anchors: [{v1: 10, v2: 20}, {v1: 10, v2: 21}]",

@@ -1,4 +1,4 @@
-"""The measurements behind `imocap benchmark body`: they run, and recover what was put in."""
+"""The measurements behind `imocap benchmark bones`: they run, and recover what was put in."""
 
 from pathlib import Path
 

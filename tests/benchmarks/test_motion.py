@@ -233,7 +233,6 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(tmp_path, monkeypatch
         (["benchmark", "trials", "--videos", "13"], 2, "--videos: expected 1 to 12, got 13"),
         (["benchmark", "trials"], 1, "the benchmark trials needs captured motion"),
         (["benchmark", "bones"], 1, "needs captured motion"),
-        (["benchmark", "trials", "--docs"], 2, "has a place for this table"),
         (["benchmark", "trials", "--variants", "tcc"], 2, "only for `imocap benchmark ablations`"),
         (["benchmark", "ablations", "--videos", "2"], 2, "ablations set --detector and --videos"),
         (["benchmark", "ablations", "--jobs", "0"], 2, "--jobs"),

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from benchmarks import docs, tables
-from benchmarks.ablations import report as ablations_report
 from benchmarks.motion import tables as motion_tables
 from benchmarks.names import MEASUREMENTS, BenchmarkName, report_of
 from benchmarks.parallel import each
 from benchmarks.scoring.costs import Cost, Meter, peak_gb, reset_peak
 from benchmarks.scoring.score_file import RESULTS, ActionScore
+from benchmarks.tables import DETAILS
 from imocap_core.artifacts.store import Stored
-from imocap_core.cli import main
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.runner import Outcome
 from tests.benchmarks.tasks import halve
 from tests.benchmarks.test_motion import Silent
@@ -84,84 +83,45 @@ def test_a_table_takes_its_block_and_no_other() -> None:
     assert docs.replaced(PAGE, "protocol", "x") == PAGE
 
 
-def made_page(root: Path, text: str) -> Path:
-    page = root / docs.PAGES[0]
-    page.parent.mkdir(parents=True)
-    page.write_text(text)
-    return page
-
-
 def test_every_page_with_the_marks_gets_the_table(tmp_path: Path) -> None:
-    page = made_page(tmp_path, PAGE)
-    docs.check_marks(tmp_path, "trials")
-    front = tmp_path / docs.PAGES[1]
-    front.write_text("# No marks\n")
-    assert docs.put_into_docs(tmp_path, "trials", "# T\n\n| a |\n") == [page]
-    assert "-->\n\n| a |\n\n<!-- end -->" in page.read_text()
-    front.write_text(PAGE)
-    assert docs.put_into_docs(tmp_path, "trials", "# T\n\n| a |\n") == [page, front]
+    pages = [tmp_path / page for page in docs.PAGES[:2]]
+    pages[0].parent.mkdir(parents=True)
+    pages[0].write_text(PAGE)
+    pages[1].write_text("# No marks\n")
+    tables = {"trials": docs.essentials(f"# T\n\n| a |\n{DETAILS}\nmore\n")}
+    assert docs.stale(tmp_path, tables) == [docs.PAGES[0]]
+    docs.put(tmp_path, tables)
+    assert "-->\n\n| a |\n\n<!-- end -->" in pages[0].read_text()
+    assert pages[1].read_text() == "# No marks\n"
+    assert docs.stale(tmp_path, tables) == []
 
 
-def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path) -> None:
-    with pytest.raises(WrongUse, match="<!-- table yoga -->"):
-        docs.check_marks(tmp_path, "yoga")
+MEASURED = """<!-- table trials-fine_tuned-4v -->
+| action | monocular | single pass | after loop | oracle | gap closed % | sync %, after loop |
+| --- | --- | --- | --- | --- | --- | --- |
+| jump | 40.0 | 1 | 2 | 3 | 4 | 5 |
+| **mean** | 49.8 ± 2.3 | 27.3 ± 2 | 27.1 ± 1.9 | 25.7 ± 1.7 | 94 | 3.39 ± 1.15 |
+<!-- end -->
+<!-- table field -->
+| set | right | of |
+| --- | --- | --- |
+| all | 31 | 35 |
+<!-- end -->
+"""
 
 
-def test_every_documented_table_has_its_place() -> None:
-    for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "rendered-4v",
-                 "stability", "wrong_start", "degraded", "collect", "screening", "performers",
-                 "moving_camera", "ablations-trials", "solver", "speed", "cost"):  # fmt: skip
-        assert len(docs.pages_of(ROOT, name)) == 1, name
+def test_the_front_page_s_figures_are_those_of_the_measured_tables() -> None:
+    (row,) = (line for line in docs.summary(MEASURED).splitlines() if "`trials`" in line)
+    assert row.endswith("| 49.8 | 27.3 | 27.1 | 25.7 | 94 | – | 3.39 | – |")
+    front = docs.headline(MEASURED)
+    assert "| 49.8 | 27.1 | 25.7 | – | 3.39 |" in front
+    assert "| the paper, on Human3.6M | 80.7 | 66.5 |" in front
+    assert "Of 35 known facts of real exercises and throws 31 come out right" in front
+    assert "balance_beam" not in front  # not measured there
 
 
-HEADLINES = {
-    "protocol": ("protocol-released-fine_tuned-4v", "imocap benchmark protocol"),
-    "trials": ("trials-fine_tuned-4v", "imocap benchmark trials"),
-    "rendered": ("rendered-4v", "imocap benchmark rendered"),
-}
-
-
-def means(name: str) -> dict[str, str]:
-    """The mean of every result and of the sync error in a measured table, as it stands there."""
-    (page,) = docs.pages_of(ROOT, name)
-    rows: dict[str, str] = {}
-    block = page.read_text().split(f"<!-- table {name} -->")[1].split(docs.END)[0]
-    for line in block.splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if cells[0] == "action":
-            head = cells
-        elif cells[0] == "**mean**":
-            rows = dict(zip(head, cells, strict=True)) | rows  # the first table's columns win
-    return {key: value.split(" ")[0] for key, value in rows.items()}
-
-
-@pytest.mark.parametrize("name", HEADLINES)
-def test_the_headline_numbers_are_the_measured_ones(name: str) -> None:
-    label, command = HEADLINES[name]
-    measured = means(label)
-    results = [measured[key] for key in ("monocular", "single pass", "after loop", "oracle")]
-    sync = measured.get("sync %, after loop") or measured["sync %"]
-    guide, front = (ROOT / docs.PAGES[0]).read_text(), (ROOT / "README.md").read_text()
-    (row,) = (line for line in guide.splitlines() if line.startswith(f"| `{name}` | "))
-    assert [cell.strip(" *") for cell in row.split("|")[3:-1]] == [
-        *results, f"{measured['gap closed %']} %", f"{sync} %"
-    ]  # fmt: skip
-    (row,) = (line for line in front.splitlines() if command in line and "**" in line)
-    numbers = [cell.strip(" *") for cell in row.split("|")[-5:-1]]
-    assert numbers[:3] == [results[0], results[2], results[3]]
-    assert float(numbers[3].removesuffix(" %")) == pytest.approx(float(sync), abs=0.051)
-
-
-def test_the_command_puts_its_table_into_the_page(tmp_path, monkeypatch, capsys):
-    page = made_page(tmp_path, "<!-- table ablations-trials -->\n<!-- end -->\n")
-    monkeypatch.setattr(ablations_report, "measure", lambda *_: (None, tmp_path))
-    monkeypatch.setattr(ablations_report, "markdown", lambda _: "# Found\n\n| [a] |\n")
-    monkeypatch.setattr("sys.argv", ["imocap"])
-    assert (
-        main(["--root", str(tmp_path), "benchmark", "ablations", "--on", "trials", "--docs"]) == 0
-    )
-    assert "-->\n\n| [a] |\n\n<!-- end -->" in page.read_text()
-    assert "| [a] |" in capsys.readouterr().out
+def test_the_pages_say_what_is_derived_from_their_tables() -> None:
+    assert docs.stale(ROOT, {}) == [], "python -m benchmarks.measure --write"
 
 
 def test_every_name_has_its_measurement() -> None:

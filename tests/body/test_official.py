@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse
 import torch
 
-from imocap_core.body import keypoints_with_jacobian, load_body, load_free_body, model_status
+from imocap_core.body import keypoints_with_jacobian, load_body, load_free_body, model_files
 from imocap_core.body.official import as_array
 from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS
 from imocap_core.rotations import exp
@@ -208,23 +208,17 @@ def test_landmarks_found_by_geometry_are_where_the_free_bodys_own_are(tmp_path: 
         assert apart[mine.names.index("nose")] < 0.01
 
 
-def test_status_says_what_was_found_and_what_is_missing(tmp_path: Path) -> None:
-    (tmp_path / "smplx").mkdir()
-    (tmp_path / "smplx" / "SMPLX_NEUTRAL.npz").touch()
-    (tmp_path / "basicModel_f_lbs_10_207_0_v1.0.0.pkl").touch()
-    (tmp_path / "notes_on_smpl_models.npz").touch()
-    rows = {row.name: row for row in model_status(tmp_path)}
-    assert len(rows) == len(model_status(tmp_path))
-    assert rows["free body"].note.startswith("ships")
-    assert rows["SMPL-X"].path == tmp_path / "smplx" / "SMPLX_NEUTRAL.npz"
-    assert rows["SMPL"].path is not None
-    assert rows["SMPL+H"].path is None
-    assert "register" in rows["SMPL+H"].note
-    assert len(model_status(None)) == 4
-    hands = tmp_path / "smplh" / "male" / "model.npz"
-    hands.parent.mkdir(parents=True)
-    hands.touch()
-    assert [row.path for row in model_status(tmp_path) if row.name == "SMPL+H"] == [hands]
+def test_official_files_are_known_by_their_names(tmp_path: Path) -> None:
+    assert not any(model_files(None).values())
+    names = {
+        "SMPL": "basicModel_f_lbs_10_207_0_v1.0.0.pkl",
+        "SMPL+H": "smplh/male/model.npz",
+        "SMPL-X": "smplx/SMPLX_NEUTRAL.npz",
+    }
+    for name in (*names.values(), "notes_on_smpl_models.npz"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    assert model_files(tmp_path) == {key: [tmp_path / name] for key, name in names.items()}
 
 
 def record(**state: object) -> InertObject:

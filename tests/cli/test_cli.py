@@ -35,7 +35,7 @@ Capture = pytest.CaptureFixture[str]
         (["run", "nobody"], "no action 'nobody'"),
         (["stage", "dance", "toy"], "no stage 'dance'; there are: gather, scale, evaluate"),
         (["explain", "toy", "dance"], "no stage 'dance'"),
-        (["run", "toy", "--set", "sync.method=magic"], "sync.method: Input should be 'als'"),
+        (["run", "toy", "--set", "sync.method=magic"], "sync.method: expected 'als'"),
         (["run", "toy", "--set", "sync.magic=1"], "--set: sync.magic: unknown parameter"),
         (["run", "toy", "--set", "magic.x=1"], "--set: magic: unknown group of parameters"),
         (["run", "toy", "--set", "sync.method"], "expected group.name=value"),
@@ -300,7 +300,10 @@ def test_doctor_reads_the_body_models_it_finds(toy, capsys, monkeypatch, tmp_pat
     assert toy.imocap(["doctor"]) == 0
     message = capsys.readouterr().out
     assert "body model: free_body" in message
-    assert "body model SMPL-X: none, no folder given" in message
+    assert "optional: no SMPL, SMPL+H, SMPL-X" in message
+    assert "detection: " in message
+    rows = sum(-(-len(line) // 80) for line in message.splitlines())
+    assert rows <= 24  # one screen
     (tmp_path / "models").mkdir()
     broken = tmp_path / "models" / "SMPLX_NEUTRAL.npz"
     broken.write_bytes(b"")
@@ -308,5 +311,5 @@ def test_doctor_reads_the_body_models_it_finds(toy, capsys, monkeypatch, tmp_pat
     assert toy.imocap(["doctor"]) == 1
     message = capsys.readouterr().out
     assert f"body model SMPL-X: {broken}: refused" in message
-    assert f"body model SMPL: none below {broken.parent}" in message
+    assert f"no SMPL, SMPL+H below {broken.parent}" in message
     assert toy.imocap(["doctor", "--models", str(tmp_path / "nowhere")]) == 2

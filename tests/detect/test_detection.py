@@ -120,7 +120,7 @@ def test_a_result_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     store = Store(tmp_path / "artifacts")
     videos = [clip(tmp_path / "a.mp4", COLUMNS), clip(tmp_path / "b.mp4", COLUMNS[::-1])]
     again = Path(shutil.copy(videos[0], tmp_path / "c.mp4"))
-    settings = ({}, {"hands": True}, {"min_tracking_confidence": 0.7}, {"detector": "rtmlib"})
+    settings = ({}, {"hands": True}, {"min_detection_confidence": 0.7}, {"detector": "rtmlib"})
     names = {
         detections_file(store, video, detector_of(params(**changes), tmp_path))
         for video in videos
@@ -128,7 +128,7 @@ def test_a_result_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     }
     assert len(names) == 8
     assert detections_file(store, again, detector_of(params(), tmp_path)) in names
-    unused = detector_of(params(rtmlib_mode="performance"), tmp_path)
+    unused = detector_of(params(rtmlib_pose_model="pose.onnx"), tmp_path)
     assert detections_file(store, videos[0], unused) in names
 
 

@@ -14,7 +14,7 @@ from tests.made_keypoints import standing_at, write_walk
 
 SIZE = (640, 360)
 KEYPOINTS = KeypointsParams(
-    min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave", cuts=True
+    min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave"
 )
 PARAMS = Params(keypoints=KEYPOINTS)
 

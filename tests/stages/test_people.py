@@ -16,7 +16,7 @@ from imocap_core.rotations import exp
 
 SIZE, FPS, FRAMES = (1280, 720), 30.0, 60
 PARAMS = KeypointsParams(
-    min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave", cuts=True
+    min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave"
 )
 FILE = Path("actions/made/action.yaml")
 

@@ -16,6 +16,7 @@ from typer.main import get_command
 
 import imocap
 from imocap_core.cli.app import app
+from imocap_core.version import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -124,7 +125,7 @@ def test_the_citation_file_names_the_project_and_the_paper() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert {"cff-version", "message", "title", "authors"} <= set(citation)  # required
     assert citation["cff-version"] == "1.2.0"
-    assert citation["version"] == project["version"]
+    assert citation["version"] == __version__
     assert citation["license"] == project["license"]
     assert [a["name"] for a in citation["authors"]] == [a["name"] for a in project["authors"]]
     (paper,) = citation["references"]

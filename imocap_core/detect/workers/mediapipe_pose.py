@@ -19,11 +19,9 @@ def landmark_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[st
     solutions = importlib.import_module("mediapipe").solutions
     kind = solutions.holistic.Holistic if settings["hands"] else solutions.pose.Pose
     model = kind(
-        static_image_mode=not settings["follow"],
+        static_image_mode=True,
         model_complexity=1,
-        smooth_landmarks=True,
         min_detection_confidence=settings["min_detection_confidence"],
-        min_tracking_confidence=settings["min_tracking_confidence"],
     )
     fields = (*FIELDS, *HANDS * settings["hands"])
 

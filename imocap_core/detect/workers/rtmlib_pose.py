@@ -32,7 +32,7 @@ def _model(rtmlib: Any, settings: dict[str, Any]) -> Any:
     model = kind(
         det=settings["person_model"],
         pose=settings["pose_model"],
-        mode=settings["mode"],
+        mode="balanced",
         backend="onnxruntime",
         device="cpu",
     )

@@ -1,1 +1,0 @@
-"""`imocap benchmark trust`: videos of another action and mirrored ones."""
