@@ -5,8 +5,8 @@ PyTorch, OpenCV and the linear algebra of NumPy and SciPy get one thread: the so
 Every stage runs under the same settings, so results depend neither on the command that ran it nor
 on the machine's cores: large products are rounded differently on two threads.
 
-Freed memory is reused for new arrays: glibc returns megabytes to the system by default, which gives
-them back page by page, filled with zeros, a tenth of a fit's processor time.
+Freed memory is reused: glibc returns megabytes to the system, which zeroes every page it gives back,
+a tenth of a fit's processor time.
 """
 
 from __future__ import annotations

@@ -5,14 +5,12 @@
     inputs/<sha-256>                 files of actions, by their content
     actions/<name>.json              the files and results of an action that was pushed
 
-But for the last, a name stands for one content: whoever writes it writes the same.
+But for the last, a name stands for one content: whoever writes it writes the same, and the first
+counts. Results are checked before they enter the cache of this machine.
 
-A shared store behind a URL, through fsspec: object stores (S3, GCS, Azure), SFTP and others.
-Credentials and the server's address are those of fsspec and of the store's package: the environment
-(AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL), its files (~/.aws), or fsspec's (FSSPEC_S3_KEY).
-
-Results in a shared store: read and checked before they enter the cache of this machine. A result
-that is there twice under one key should be the same; the first one counts.
+URLs go through fsspec: object stores (S3, GCS, Azure), SFTP and others. Credentials and the
+server's address are fsspec's and the store's package's: the environment (AWS_ACCESS_KEY_ID,
+AWS_ENDPOINT_URL), its files (~/.aws), or fsspec's (FSSPEC_S3_KEY).
 """
 
 from __future__ import annotations

@@ -9,10 +9,9 @@ The body model gives joint centres and no bony landmarks. Long axes run through 
 axis about which a segment lies around its long axis is that of the rest pose (a T pose, palms down,
 toes forward), in which elbows and knees bend about the axes that the model's hinges have.
 
-Surface markers: vertices of the body that move with one segment, for programs that want markers. A
-marker lies where a ray from a point on the segment's long axis leaves the body at rest. Vertices
-that skinning shares between segments are left out, so that a marker is rigid with its segment; none
-is a palpated landmark, and names say so (`thigh_front`, not a bone).
+Surface markers, for programs that want markers: where a ray from a point on a segment's long axis
+leaves the body at rest, without vertices that skinning shares between segments. None is a palpated
+landmark, and names say so (`thigh_front`, not a bone).
 """
 
 from __future__ import annotations

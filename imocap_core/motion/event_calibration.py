@@ -1,14 +1,11 @@
 """Calibration of cameras from one event: bundle adjustment of the performer's keypoints.
 
-Normal equations of a rig, the points eliminated (Schur complement). Bones tie the points of one
-moment to each other, so that a moment's points are eliminated together; moments are independent
-given cameras, biases and lengths.
-
 All videos show the same performance, so a keypoint is one point in space that every camera sees
 (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 18.1). Unknown are all points,
 every camera's pose, focal length and radial distortion, and when each video began. A detector's
 errors are partly constant over a view's frames, and these are larger than its noise: they are
-unknowns too, with a prior, so that they are not taken for evidence of the cameras.
+unknowns too, with a prior, so that they are not taken for evidence of the cameras. Points are
+eliminated moment by moment (Schur complement), as bones tie those of one moment to each other.
 """
 
 from __future__ import annotations

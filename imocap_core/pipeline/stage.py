@@ -1,9 +1,8 @@
 """The contract of a stage: read -> call the core -> write.
 
-Parts of a stage's result that less than the whole determines, kept beside the results. A part is
-stored under a key of its own: the stage's code, parameters and seed, and what the part is made
-from. Whoever needs it again finds it: the same action after a video was added, or another action
-that has the video.
+A part of a result that less than the whole determines is stored under a key of its own: the stage's
+code, parameters and seed, and what the part is made from. Whoever needs it again finds it: the same
+action after a video was added, or another action that has the video.
 
 A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else.
 A complete example, which a test runs:

@@ -1,19 +1,15 @@
 """Common time axis: a phase for every frame, from all pairwise maps; consistency and pace.
 
-Consistency of the pairwise maps: cycle residuals and leave-one-out disagreement, without truth.
-Maps that are computed pair by pair are independent of each other. Where a cycle of three videos
-ends where it began, they are likely right; where a video's direct map to the reference differs from
-the maps through the other videos, one of them is wrong.
-
 Each pairwise map gives a frame of video i a position in video j, whose phase must be the same: one
-linear equation in the phases of three frames. All equations of all pairs are solved together by
-robust least squares (Geman-McClure weights, re-estimated), with a weak prior for an even pace, each
-video's usual one, that carries the axis over frames without a counterpart. Frames that two other
-videos share and the reference does not show get a phase too, before its start or after its end.
+linear equation in the phases of three frames. All are solved together by robust least squares
+(Geman-McClure weights, re-estimated), with a weak prior for an even pace, each video's usual one,
+that carries the axis over frames without a counterpart. Frames that two other videos share and the
+reference does not show get a phase too, before its start or after its end.
 
-How steadily each video goes through the action. A video that stalls and jumps (freeze frames,
-edited slow motion, wrong poses) is a poor time axis: on its frames every motion stalls and jumps,
-and that real motion is smooth speaks against the truth.
+Consistency, without truth: maps are computed pair by pair. Where a cycle of three videos ends where
+it began, they are likely right; where a direct map to the reference differs from those through
+other videos, one of them is wrong. Pace: a video that stalls and jumps (freeze frames, edited slow
+motion, wrong poses) is a poor time axis.
 """
 
 from __future__ import annotations

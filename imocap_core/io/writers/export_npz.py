@@ -1,21 +1,17 @@
 """`imocap export` as npz: our own form, and AMASS's of both generations.
 
-`imocap export --format npz`: one npz per video, sync.csv and cameras.json. SMPL's own convention
-(global orientation about the pelvis, trans as in smplx), metres, radians. `trans`, `poses`, `betas`
-and `mocap_framerate` are named as in AMASS; there is no `gender`, so that readers of AMASS refuse
-the file instead of putting its betas on another body (`amass_npz` is for them). The same values
-give the same bytes.
+npz: one file per video, sync.csv and cameras.json, in SMPL's own convention (global orientation
+about the pelvis, trans as in smplx), metres, radians. `trans`, `poses`, `betas` and
+`mocap_framerate` are named as in AMASS; there is no `gender`, so that readers of AMASS refuse the
+file instead of putting its betas on another body. The same values give the same bytes.
 
-`imocap export --format amass`: files as both generations of AMASS's archive have them.
-`<id>_poses.npz` is one of SMPL+H, as of 2019: `poses` (T, 156), `trans`, `betas` (16,), `dmpls`,
-`gender`, `mocap_framerate`. `<id>_stageii.npz` is one of SMPL-X, as of 2021: `poses` (T, 165), jaw
-and eyes between body and hands, `mocap_frame_rate`, `mocap_time_length`, `surface_model_type`, and
-the parts of `poses` by name. Either has the other's names too, as far as they mean the same.
-`<id>_smpl.npz` is of plain SMPL, as programs for robots read it: `poses` (T, 72), `betas` (10,).
-
-Readers put `betas` on whatever body they load and look at no model's name. Ours are of another
-body, so `betas` are 0, the reader's mean shape, and ours are `imocap_betas`. Mahmood et al., ICCV
-2019.
+amass (Mahmood et al., ICCV 2019): `<id>_poses.npz` is one of SMPL+H, as of 2019: `poses` (T, 156),
+`trans`, `betas` (16,), `dmpls`, `gender`, `mocap_framerate`. `<id>_stageii.npz` is one of SMPL-X,
+as of 2021: `poses` (T, 165), jaw and eyes between body and hands, `mocap_frame_rate`,
+`mocap_time_length`, `surface_model_type`, and the parts of `poses` by name. Either has the other's
+names too, where they mean the same. `<id>_smpl.npz` is of plain SMPL, as programs for robots read
+it: `poses` (T, 72), `betas` (10,). `betas` are 0, the mean shape of whatever body a reader loads;
+ours, of another body, are `imocap_betas`.
 """
 
 from __future__ import annotations

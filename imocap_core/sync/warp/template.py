@@ -1,24 +1,18 @@
 """Template: the mean of the videos' poses; positions of frames in it, and squared distances.
 
-A monocular estimate is certain across its line of sight and uncertain along it. Videos look from
-different sides, so depth of one is lateral for another: the mean weighs every direction of every
-video's poses by its precision, which is what triangulation does.
+A monocular estimate is certain across its line of sight and uncertain along it, and videos look
+from different sides: the mean weighs every direction of every video's poses by its precision, as
+triangulation does. Distances of a video's frames are computed to all positions, a few frames at a
+time, since the best of all judges how well a frame fits; those near its soft map are stored.
 
-Squared distances of a video's frames to the positions near their present ones. Which position fits
-a frame is a question of those that its soft map does not rule out; how well the best one fits is
-judged by the best of all. So all distances are computed, a few frames at a time, and the band about
-the map is stored.
-
-Squared distances of frames' points from templates' after the best small rigid offset of each pair
-(variable projection). With x the points, p a template's, B its derivatives by the offset, w the
-weights and P the inverse variances of offsets,
+Squared distances of frames' points x from a template's p after the best small rigid offset o of
+each pair (variable projection), B its derivatives, w the weights, P offsets' inverse variances:
 
     min_o sum_k w_k |x_k - p_k - B_k o|^2 + o' P o = sum_k w_k |x_k - p_k|^2 - g' H^-1 g,
     g = sum_k w_k B_k' (x_k - p_k),   H = sum_k w_k B_k' B_k + P.
 
-All terms are linear in w and w x, so a block of frames and templates takes a few matrix products.
-Blocks are so small that their terms stay in the processor's cache: with 1,000 frames and 4,000
-templates three times as fast as all templates at once.
+All terms are linear in w and w x, so a block of frames and templates takes a few matrix products;
+blocks are so small that their terms stay in the processor's cache.
 """
 
 from __future__ import annotations
