@@ -7,7 +7,9 @@ from imocap_core.body.model import (
     Model,
     Posed,
     Shaped,
+    all_joints,
     keypoints_with_jacobian,
+    points_with_blocks,
     points_with_jacobian,
 )
 from imocap_core.body.official import ModelStatus, load_body, model_status
@@ -20,6 +22,7 @@ __all__ = [
     "PointSet",
     "Posed",
     "Shaped",
+    "all_joints",
     "join_points",
     "keypoints_with_jacobian",
     "layout_names",
@@ -29,5 +32,6 @@ __all__ = [
     "make_points",
     "model_status",
     "pick_points",
+    "points_with_blocks",
     "points_with_jacobian",
 ]
