@@ -19,9 +19,7 @@ _of_thread = threading.local()  # cores: a worker's share of them
 
 def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
     """Compiled by Numba at its first call and kept beside the source; runs without Python's lock.
-
-    The loop must be free of annotations, which the tests check at run time.
-    """
+    A loop has no annotations, which the tests check at run time."""
     import numba  # takes half a second
 
     make = partial(numba.njit, nogil=True, error_model="numpy")

@@ -215,9 +215,8 @@ MOVING = (
 class MovedPoints:
     """Positions of K points and their derivatives J.
 
-    A point moves with its joint's ancestors only: `pairs` of a point and a joint are a quarter of
-    all, and sums over pairs of pairs a twentieth. On a processor compiled loops run over these; a
-    card multiplies whole matrices.
+    A point moves with its joint's ancestors only. On a processor compiled loops run over pairs of
+    a point and such a joint; a card multiplies whole matrices.
 
     Attributes:
         xyz: (B, T, K, 3) metres; points: their names and pairs.
