@@ -190,8 +190,7 @@ def add_view_residuals(
 ) -> None:
     """Add ``J^T W J`` and ``J^T W r`` of all views.
 
-    The unknowns of a frame are pose and translation; of the globals the shape (in the columns
-    ``shapes``) and the cameras.
+    The unknowns of a frame are pose and translation; shapes: columns of the globals.
     """
     shape = points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
     metric, mixed, moved = _metric(views)

@@ -178,8 +178,7 @@ def _joint_weights(match, begin, width, skip, edge, S, steps):  # type: ignore[n
         match: likelihoods of the frames' positions, ``width`` of a frame from ``begin`` on.
         edge: of the S positions a warp may begin at so many first ones, and end at as many last.
     """
-    N, joint = len(width), np.empty(len(match))
-    end = np.cumsum(width)
+    N, joint, end = len(width), np.empty(len(match)), np.cumsum(width)
     before, after, early, late = np.empty(N), np.empty(N), 1.0, 0.0
     for t in range(N):
         message, first = joint[end[t] - width[t] : end[t]], begin[t]
