@@ -5,7 +5,7 @@ PyTorch, OpenCV and the linear algebra of NumPy and SciPy get one thread: the so
 Every stage runs under the same settings, so results depend neither on the command that ran it nor
 on the machine's cores: large products are rounded differently on two threads.
 
-Freed memory is reused: glibc returns megabytes to the system, which zeroes every page it gives back,
+Freed memory is reused: glibc returns megabytes to the system, which zeroes each page it gives back,
 a tenth of a fit's processor time.
 """
 

@@ -6,8 +6,8 @@ tensors, whose statements become plain records; `build` makes arrays of them wit
 functions. The rooms that read files (`body`, `io`) put their own sentence around the errors.
 
 Containers are read within limits: keys that are cheap to compare, and shared parts counted, since a
-hundred bytes can describe a tree of billions of parts. joblib's files are pickles in which an array is a small record followed at once by the array's bytes
-(one byte states how many bytes of padding come first).
+hundred bytes can describe a tree of billions. joblib's files are pickles in which an array is a
+small record followed at once by its bytes (one byte states the padding before them).
 """
 
 from __future__ import annotations

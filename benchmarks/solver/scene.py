@@ -107,7 +107,7 @@ def _performance(
 
 def _observed(body: Body, state: MotionState, rng: np.random.Generator) -> Observation:
     """Keypoints of one performance with a detector's noise."""
-    xyz = body.positions(body.keypoints, state).xyz[0].numpy()
+    xyz = body.positions(body.keypoints, state)[0].numpy()
     xy = xyz[..., :2] / xyz[..., 2:] * K[0, 0] + K[:2, 2]
     xy = xy + rng.normal(0.0, NOISE_PX, xy.shape)
     return Observation(xy, np.ones(xy.shape[:2]), K, FPS, noise_share=NOISE_SHARE)

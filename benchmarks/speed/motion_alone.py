@@ -150,7 +150,6 @@ def _with_known_cameras(term: Reprojection, solved: MotionState) -> Reprojection
 
 def _image_rows(term: Reprojection, state: MotionState) -> Rows:
     points = term.body.derivatives(term.body.keypoints, state)
-    assert points.d_pose is not None
     residuals, derivatives = [], []
     for view in term.views:
         pixels, x_cam = project(view, points.xyz)

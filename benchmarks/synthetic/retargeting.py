@@ -141,7 +141,7 @@ def fit_to_trunk_and_joints(
     fitted = gauss_newton(
         terms, start, max_steps=MAX_STEPS, relative_tolerance=1e-3, free_shape=False
     ).state
-    posed = body.positions(body.joints, fitted).xyz
+    posed = body.positions(body.joints, fitted)
     shift = (joints[:, :, :3] - posed[:, :, :3]).mean(2)
     return MotionState.of(fitted.R_local, fitted.trans + shift, fitted.betas, valid)
 

@@ -101,7 +101,7 @@ def _calibration_problem(
     scene, bones = problem.scene_of(motion), bones_of(names)
     assumed_K = np.stack([o.K for o in problem.scene.observations])
     observations = scene.observations
-    points = scene.body.positions(scene.body.keypoints, motion.common).xyz[0].cpu().numpy()
+    points = scene.body.positions(scene.body.keypoints, motion.common)[0].cpu().numpy()
     columns = [scene.body.keypoints.names.index(name) for name in names]
     moments = np.arange(0, len(points), -(-len(points) // MOST_MOMENTS))
     K, R, t = (x.cpu().numpy() for x in (motion.cameras.K, motion.cameras.R, motion.cameras.t))

@@ -136,7 +136,7 @@ class JointProblem:
     def filmed_joints(self, motion: JointMotion) -> list[Float[np.ndarray, "_ 24 3"]]:
         """SMPL's joints of all videos as filmed, metres, in their own cameras' axes."""
         body = self.scene.body
-        xyz = body.positions(body.joints, motion.state.uncached()).xyz.cpu().numpy()
+        xyz = body.positions(body.joints, motion.state.uncached()).cpu().numpy()
         rows = zip(xyz, self.scene.observations, strict=True)
         return self.participants.filmed_joints([x[: len(o.xy_px)] for x, o in rows])
 
@@ -148,7 +148,7 @@ class JointProblem:
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
         """All motions in one world, to be compared with every video's detections."""
         body, cameras = self.scene.body, motion.cameras
-        xyz = body.positions(body.keypoints, motion.state.uncached()).xyz.cpu().numpy()
+        xyz = body.positions(body.keypoints, motion.state.uncached()).cpu().numpy()
         videos = []
         observations = self.scene_of(motion).observations
         rows = zip(observations, xyz, cameras.K, cameras.R, cameras.t, strict=True)

@@ -197,9 +197,9 @@ def motions_of(
     body: Body, state: MotionState, observations: Sequence[Observation], keypoints: Keypoints
 ) -> list[VideoMotion]:
     """A batch as stored motions, axis-angle on continuous branches."""
-    joints = body.positions(body.joints, state).xyz
+    joints = body.positions(body.joints, state)
     view = per_video_view(observations, state.trans)
-    pixels, _ = project(view, body.positions(body.keypoints, state).xyz)
+    pixels, _ = project(view, body.positions(body.keypoints, state))
     error = torch.where(view.weight > 0, (pixels - view.xy_px).norm(dim=-1), torch.nan)
     errors = torch.nanmedian(error, dim=-1).values
     motions = []

@@ -7,7 +7,9 @@ from imocap_core.body.model import (
     Model,
     Posed,
     Shaped,
+    all_joints,
     keypoints_with_jacobian,
+    points_with_blocks,
     points_with_jacobian,
 )
 from imocap_core.body.official import load_body, model_files
@@ -19,6 +21,7 @@ __all__ = [
     "PointSet",
     "Posed",
     "Shaped",
+    "all_joints",
     "join_points",
     "keypoints_with_jacobian",
     "layout_names",
@@ -28,5 +31,6 @@ __all__ = [
     "make_points",
     "model_files",
     "pick_points",
+    "points_with_blocks",
     "points_with_jacobian",
 ]

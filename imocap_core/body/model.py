@@ -282,16 +282,24 @@ def keypoints_with_jacobian(
 
 def points_with_jacobian(posed: Posed, points: PointSet) -> KeypointsWithJacobian:
     """`keypoints_with_jacobian` of posed bodies."""
+    xyz, blocks, d_shape = points_with_blocks(posed, points)
+    return xyz, all_joints(blocks, points), d_shape
+
+
+def points_with_blocks(
+    posed: Posed, points: PointSet
+) -> tuple[Float[Tensor, "... K 3"], Float[Tensor, "... N 3 3"], Float[Tensor, "... K 3 n"]]:
+    """The same, of derivatives by pose only what may differ from 0: `PointSet.pairs`."""
     shaped, rows = posed.shaped, rows_of(posed.R_world)
     levers = posed_levers(posed, points)
     placed = turn(rows, levers.flatten(-2).transpose(-1, -2)).transpose(-1, -2)
     xyz = placed + shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
-    d_pose = _by_pose(posed.R_world, rows, levers, points)
+    blocks = _by_pose(posed.R_world, rows, levers, points)
     if points.corrections is not None:
-        d_pose = d_pose + _by_pose_blend(posed, points.corrections)
+        blocks = blocks + _by_pose_blend(posed, points.corrections)
     d_shape = _by_shape(rows, shaped, points)
     batch = xyz.shape[:-2]
-    return xyz, d_pose.expand(*batch, -1, -1, -1), d_shape.expand(*batch, -1, -1, -1)
+    return xyz, blocks.expand(*batch, -1, -1, -1), d_shape.expand(*batch, -1, -1, -1)
 
 
 def _by_pose(
@@ -299,17 +307,21 @@ def _by_pose(
     rows: Float[Tensor, "... 3 _"],
     levers: Float[Tensor, "... K J 3"],
     points: PointSet,
-) -> Float[Tensor, "... K 3 P"]:
-    """Derivatives by pose. Only pairs of a point and a joint that moves it are computed, N."""
-    count, joints = points.moved_by.shape
-    point_of, joint_of = points.moved_by.nonzero(as_tuple=True)
+) -> Float[Tensor, "... N 3 3"]:
+    """Derivatives by pose of rigid levers."""
+    point_of, joint_of = points.pairs
     hanging = levers[..., point_of, :, :] * points.below[joint_of][..., None]
     arm = turn(rows, hanging.flatten(-2).transpose(-1, -2)).transpose(-1, -2)  # (..., N, 3)
     x, y, z = arm[..., None].unbind(-2)
     a, b, c = R_world[..., joint_of, :, :].unbind(-2)  # rows of (..., N, 3): the increment's axes
-    blocks = torch.stack((b * z - c * y, c * x - a * z, a * y - b * x), dim=-2)  # (..., N, 3, 3)
+    return torch.stack((b * z - c * y, c * x - a * z, a * y - b * x), dim=-2)
+
+
+def all_joints(blocks: Float[Tensor, "... N 3 3"], points: PointSet) -> Float[Tensor, "... K 3 P"]:
+    """Derivatives of points by all joints, P = 3 J, from those of `PointSet.pairs`."""
+    (count, joints), (point_of, joint_of) = points.moved_by.shape, points.pairs
     # Each row of a block is three neighbouring numbers of the result: copy them there.
-    axis = torch.arange(3, device=rows.device)
+    axis = torch.arange(3, device=blocks.device)
     place = ((point_of[:, None] * 3 + axis) * joints + joint_of[:, None]).flatten()
     batch = blocks.shape[:-3]
     result = blocks.new_zeros(*batch, count * 3 * joints, 3)
@@ -317,7 +329,7 @@ def _by_pose(
     return result.view(*batch, count, 3, 3 * joints)
 
 
-def _by_pose_blend(posed: Posed, corrections: Corrections) -> Float[Tensor, "... K 3 P"]:
+def _by_pose_blend(posed: Posed, corrections: Corrections) -> Float[Tensor, "... N 3 3"]:
     """Derivatives by pose of the pose blend shapes, whose offsets depend on local rotations."""
     R_local, R_world = posed.R_local, posed.R_world
     identity = torch.eye(3, dtype=R_local.dtype, device=R_local.device)
@@ -327,8 +339,8 @@ def _by_pose_blend(posed: Posed, corrections: Corrections) -> Float[Tensor, "...
     offsets = torch.einsum("ucjf,...jif->...ucji", directions, turned.flatten(-2)).flatten(-2)
     blended = torch.einsum("uj,...jab->...uab", corrections.weights, R_world)
     moved = torch.einsum("ku,...uci->...kci", corrections.shares, blended @ offsets)
-    root = moved.new_zeros(*moved.shape[:-1], 3)
-    return torch.cat((root, moved), dim=-1)
+    moved = torch.nn.functional.pad(moved, (3, 0))  # by the root
+    return moved.unflatten(-1, (-1, 3)).transpose(-3, -2).flatten(-4, -3)
 
 
 def _by_shape(

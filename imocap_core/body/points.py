@@ -19,8 +19,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from imocap_core.body.kinematics import ModelArrays, PosedArrays, ShapedArrays, ancestors
@@ -61,11 +62,18 @@ class PointSet:
     corrections: Corrections | None = None
 
     @cached_property
-    def movers(self) -> int:
-        """Number of joints up to the last one that moves a point."""
-        if self.corrections is not None:
-            return self.moved_by.shape[1]
-        return 1 + max(self.moved_by.any(0).nonzero()[:, 0].tolist(), default=0)
+    def pairs(self) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"]]:
+        """Point and joint of each pair of which the joint moves the point, sorted by points."""
+        every = self.corrections is not None  # a vertex's blend shapes depend on all joints
+        moved = torch.ones_like(self.moved_by) if every else self.moved_by
+        point_of, joint_of = moved.nonzero(as_tuple=True)
+        return point_of, joint_of
+
+    @cached_property
+    def spans(self) -> tuple[Int[np.ndarray, " K1"], Int[np.ndarray, " N"]]:
+        """For compiled loops: starts, point k has pairs ``starts[k] : starts[k + 1]``; joints."""
+        point_of, joint_of = (x.cpu().numpy() for x in self.pairs)
+        return np.searchsorted(point_of, np.arange(len(self.names) + 1)), joint_of
 
     def levers(self, shaped: ShapedArrays) -> Float[Tensor, "... K J 3"]:
         """Levers of a shape, before pose blend shapes."""

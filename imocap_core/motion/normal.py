@@ -26,6 +26,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.workers import compiled
+
 
 def solve_pentadiagonal(
     diagonal: Float[Tensor, "B T n n"],
@@ -72,28 +74,27 @@ ENTRY_BYTES = 8
 ARGUMENTS = {"dpbtrf": 6, "dtrsm": 11, "dgemm": 13}  # of each routine, all of them addresses
 
 
-def packed_band(
-    diagonal: Float[np.ndarray, "T n n"],
-    next1: Float[np.ndarray, "T n n"],
-    next2: Float[np.ndarray, "T n n"],
-    added: Float[np.ndarray, "T n"],
-) -> Float[np.ndarray, "T n w"]:
-    """The columns of the lower triangle, each from its diagonal entry downwards; w is 3n.
+@compiled
+def packed_band(diagonal, next1, next2, added):  # type: ignore[no-untyped-def]
+    """The columns (T, n, 3n) of the lower triangle, each from its diagonal entry downwards.
 
     Args:
-        diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2); the last one of ``next1`` and
-            the last two of ``next2`` are ignored.
-        added: to the matrix's diagonal.
+        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
+            ``next1`` and the last two of ``next2`` are ignored.
+        added: (T, n) to the matrix's diagonal.
     """
-    frames, n = diagonal.shape[:2]
-    width = 3 * n
-    band = np.zeros((frames, n, width))
-    strides = (n * width * ENTRY_BYTES, (width - 1) * ENTRY_BYTES, ENTRY_BYTES)
-    # What lies above a block's diagonal falls on the ends of other columns: zeros, written first.
-    for number, blocks in enumerate((np.triu(diagonal), next1[:-1], next2[:-2])):
-        from_here = band.reshape(-1)[number * n :]
-        np.lib.stride_tricks.as_strided(from_here, (len(blocks), n, n), strides)[:] = blocks
-    band[..., 0] += added
+    frames, n = added.shape
+    band = np.empty((frames, n, 3 * n))
+    for t in range(frames):
+        for j in range(n):
+            column = band[t, j]
+            column[: n - j] = diagonal[t, j, j:]
+            column[0] += added[t, j]
+            column[n - j :] = 0.0
+            if t + 1 < frames:
+                column[n - j : 2 * n - j] = next1[t, j]
+            if t + 2 < frames:
+                column[2 * n - j : 3 * n - j] = next2[t, j]
     return band
 
 
@@ -222,6 +223,25 @@ class NormalEquations:
             corner=template.new_zeros(batch, m, m),
             corner_gradient=template.new_zeros(batch, m),
         )
+
+    def add_columns(
+        self,
+        frames: Float[Tensor, "B T n k1"],
+        rows: Float[Tensor, "B R k1"],
+        pull: Float[Tensor, "B R k1"],
+    ) -> None:
+        """Add what couples frames with the first k globals, and gradients, their last columns.
+
+        Args:
+            frames: ``J^T W [S | r]`` of the frames' derivatives J, the globals' S, residuals r.
+            rows: [S | r]; pull: W [S | r].
+        """
+        count = rows.shape[-1] - 1
+        self.border[..., :count] += frames[..., :count]
+        self.gradient += frames[..., count]
+        corner = rows[..., :count].mT @ pull
+        self.corner[:, :count, :count] += corner[..., :count]
+        self.corner_gradient[:, :count] += corner[..., count]
 
     def plus(self, other: NormalEquations) -> NormalEquations:
         """This system with another one added to it, in place."""

@@ -69,7 +69,7 @@ def performer_axes(
         R_cam_from_world: their mean upright is the world's (cameras are held upright).
         ahead: unit vector in which the first camera looks.
     """
-    joints = body.positions(body.joints, motion).xyz[0].cpu().numpy()
+    joints = body.positions(body.joints, motion)[0].cpu().numpy()
     up = -R_cam_from_world[:, 1].mean(0)
     up /= np.linalg.norm(up)
     left = joints[:, HIPS[0]] - joints[:, HIPS[1]]
@@ -161,7 +161,7 @@ def _view(
     t = -R @ (axes.middle + camera.distance_m * outward)
     K = np.diag([camera.focal_px, camera.focal_px, 1.0])
     K_, R_, t_ = (torch.as_tensor(x).to(motion.trans)[None] for x in (K, R, t))
-    xyz = body.positions(body.keypoints, motion).xyz
+    xyz = body.positions(body.keypoints, motion)
     weight = torch.full(xyz.shape[:3], camera.weight).to(motion.trans)
     precision = torch.as_tensor(camera.offset_sd**-2.0).to(motion.trans)
     precision = precision.expand(1, xyz.shape[1], -1)

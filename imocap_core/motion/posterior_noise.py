@@ -160,8 +160,6 @@ def joint_jacobian(
     """Derivatives of joints about the middle of the hips by a motion's increments and its shape, of
     some frames."""
     points = body.derivatives(body.joints, motion, frames)
-    assert points.d_pose is not None
-    assert points.d_beta is not None
     d_pose, d_beta = points.d_pose[0], points.d_beta[0]
     return _about_hips(of_whole_frame(d_pose)), _about_hips(d_beta)
 

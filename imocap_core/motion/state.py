@@ -18,9 +18,18 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from imocap_core.body import Model, PointSet, Posed, join_points, pick_points, points_with_jacobian
+from imocap_core.body import (
+    Model,
+    PointSet,
+    Posed,
+    all_joints,
+    join_points,
+    pick_points,
+    points_with_blocks,
+)
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.rotations import exp, log
+from imocap_core.workers import compiled
 
 POSE = 72
 FRAME_UNKNOWNS = POSE + 3
@@ -203,17 +212,111 @@ MOVING = (
 
 
 @dataclass(frozen=True)
-class Points:
-    """Positions of K points and their derivatives (None where not computed).
+class MovedPoints:
+    """Positions of K points and their derivatives J.
+
+    A point moves with its joint's ancestors only. On a processor compiled loops run over pairs of
+    a point and such a joint; a card multiplies whole matrices.
 
     Attributes:
-        xyz: (B, T, K, 3) metres.
-        d_pose: (B, T, K, 3, 72) by the local increments; d_beta: (B, T, K, 3, 10).
+        xyz: (B, T, K, 3) metres; points: their names and pairs.
+        blocks: (B, T, N, 3, 3) by the local increments, of `PointSet.pairs`.
+        d_beta: (B, T, K, 3, 10).
     """
 
     xyz: Float[Tensor, "B T K 3"]
-    d_pose: Float[Tensor, "B T K 3 72"] | None = None
-    d_beta: Float[Tensor, "B T K 3 10"] | None = None
+    points: PointSet
+    blocks: Float[Tensor, "B T N 3 3"]
+    d_beta: Float[Tensor, "B T K 3 10"]
+
+    @cached_property
+    def d_pose(self) -> Float[Tensor, "B T K 3 72"]:
+        """By the local increments of all joints."""
+        return all_joints(self.blocks, self.points)
+
+    def of_frames(self, frames: slice) -> MovedPoints:
+        """Some frames of every motion."""
+        parts = {name: getattr(self, name)[:, frames] for name in ("xyz", "blocks", "d_beta")}
+        return replace(self, **parts)
+
+    def add_products(
+        self,
+        target: Float[Tensor, "B T n n"],
+        later: MovedPoints,
+        metric: Float[Tensor, "B T K 3 3"],
+    ) -> None:
+        """Add ``J^T metric J'`` in place, with the derivatives J' of ``later``.
+
+        Args:
+            target: of all unknowns of a frame, or of the pose alone.
+        """
+        moves = target.shape[-1] == FRAME_UNKNOWNS
+        if target.is_cuda:
+            left, right = (x.by_frame(moves) for x in (self, later))
+            target += left.flatten(2, 3).mT @ (metric @ right).flatten(2, 3)
+            return
+        arrays = (target, self.blocks, later.blocks, metric)
+        for motion in zip(*(x.numpy() for x in arrays), strict=True):
+            _add_products(*motion, *self.points.spans, moves)
+
+    def pulled(self, values: Float[Tensor, "B T K 3 m"]) -> Float[Tensor, "B T 75 m"]:
+        """``J^T values``."""
+        if values.is_cuda:
+            return self.by_frame(True).flatten(2, 3).mT @ values.flatten(2, 3)
+        sums = values.new_zeros(*values.shape[:2], FRAME_UNKNOWNS, values.shape[-1])
+        for motion in zip(*(x.numpy() for x in (sums, self.blocks, values)), strict=True):
+            _add_pulled(*motion, *self.points.spans)
+        return sums
+
+    def by_frame(self, moves: bool) -> Float[Tensor, "B T K 3 n"]:
+        """Derivatives by the pose, and where the points move with it by the translation."""
+        place = torch.eye(3).to(self.xyz).expand(*self.xyz.shape, 3)
+        return torch.cat([self.d_pose, place], -1) if moves else self.d_pose
+
+
+@compiled
+def _add_products(target, left, right, metric, starts, joints, moves):  # type: ignore[no-untyped-def]
+    """`MovedPoints.add_products` of one motion: row by row of the unknowns that move a point."""
+    most = 3 * (np.diff(starts).max() + 1)
+    L, R, columns = np.zeros((3, most)), np.zeros((3, most)), np.empty(most, np.uintp)
+    for t in range(len(target)):
+        for k in range(len(starts) - 1):
+            width, square = 3 * (starts[k + 1] - starts[k]), metric[t, k]
+            for c in range(width):
+                pair, axis = starts[k] + c // 3, c % 3
+                columns[c] = 3 * joints[pair] + axis
+                x, y, z = right[t, pair, 0, axis], right[t, pair, 1, axis], right[t, pair, 2, axis]
+                for r in range(3):
+                    L[r, c] = left[t, pair, r, axis]
+                    R[r, c] = square[r, 0] * x + square[r, 1] * y + square[r, 2] * z
+            if moves:
+                for axis in range(3):
+                    columns[width + axis] = target.shape[1] - 3 + axis
+                    for r in range(3):
+                        L[r, width + axis] = r == axis
+                        R[r, width + axis] = square[r, axis]
+                width += 3
+            for i in range(width):
+                x, y, z, row = L[0, i], L[1, i], L[2, i], target[t, columns[i]]
+                for c in range(width):
+                    row[columns[c]] += x * R[0, c] + y * R[1, c] + z * R[2, c]
+
+
+@compiled
+def _add_pulled(sums, blocks, values, starts, joints):  # type: ignore[no-untyped-def]
+    """`MovedPoints.pulled` of one motion."""
+    width, columns = sums.shape[1:]
+    for t in range(len(sums)):
+        for k in range(len(starts) - 1):
+            for i in range(3):
+                for c in range(columns):
+                    sums[t, width - 3 + i, c] += values[t, k, i, c]
+            for a in range(starts[k], starts[k + 1]):
+                for i in range(3):
+                    x, y, z = blocks[t, a, 0, i], blocks[t, a, 1, i], blocks[t, a, 2, i]
+                    for c in range(columns):
+                        pull = x * values[t, k, 0, c] + y * values[t, k, 1, c]
+                        sums[t, 3 * joints[a] + i, c] += pull + z * values[t, k, 2, c]
 
 
 @dataclass(frozen=True)
@@ -243,18 +346,19 @@ class Body:
 
         return state.cached((self.model,), pose)
 
-    def positions(self, points: PointSet, state: MotionState) -> Points:
-        """Positions only."""
+    def positions(self, points: PointSet, state: MotionState) -> Float[Tensor, "B T K 3"]:
+        """Positions only, metres."""
         posed = self.posed(state)
-        return state.cached((self.model, points), lambda: Points(posed.keypoints(points)))
+        return state.cached((self.model, points), lambda: posed.keypoints(points))
 
     def derivatives(
         self, points: PointSet, state: MotionState, frames: slice = slice(None)
-    ) -> Points:
+    ) -> MovedPoints:
         """Positions and their derivatives, of some frames."""
         posed = self.posed(state)
         moving = (x[:, frames] for x in (posed.R_local, posed.transl, posed.R_world))
-        return Points(*points_with_jacobian(Posed(posed.shaped, *moving), points))
+        xyz, blocks, d_beta = points_with_blocks(Posed(posed.shaped, *moving), points)
+        return MovedPoints(xyz, points, blocks.contiguous(), d_beta)
 
 
 REFLECTION = np.array([-1.0, 1.0, 1.0])

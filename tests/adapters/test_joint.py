@@ -188,7 +188,7 @@ def test_the_body_has_the_keypoints_of_the_remaining_videos() -> None:
         params.motion,
     )
     body, state = problem.scene.body, problem.solution(made.single).state
-    projected = body.positions(body.keypoints, state).xyz
+    projected = body.positions(body.keypoints, state)
     assert {o.xy_px.shape[1] for o in problem.scene.observations} == {projected.shape[2]}
     assert torch.isfinite(projected[:, 0]).all()
 

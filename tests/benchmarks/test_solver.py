@@ -17,7 +17,7 @@ MOTION = MotionParams(max_steps=1)
 def test_a_made_scene_is_seen_whole_and_starts_near() -> None:
     made = made_scene(3, 25, FIT, 0)
     assert made.start.R_local.shape == (3, 25, 24, 3, 3)
-    xyz = made.scene.body.positions(made.scene.body.keypoints, made.start).xyz
+    xyz = made.scene.body.positions(made.scene.body.keypoints, made.start)
     assert float((xyz[..., 2] - DISTANCE_M).abs().max()) < 2.0
     xy = xyz[..., :2] / xyz[..., 2:] * K[0, 0] + torch.as_tensor(K[:2, 2])
     away = np.abs(np.stack([o.xy_px for o in made.scene.observations]) - xy.numpy())

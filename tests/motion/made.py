@@ -90,7 +90,7 @@ def scene(
     """Cameras on a circle about the performer, the first of them the world's axes."""
     body = Body.of(load_free_body(), "body25")
     state = waving(frames, body, rng, path_m=path_m)
-    xyz = body.positions(body.keypoints, state).xyz[0].numpy()
+    xyz = body.positions(body.keypoints, state)[0].numpy()
     centre = np.array([0.0, 0.0, 4.0])
     R, t, observations = [], [], []
     for turn in np.deg2rad(turns_deg):
@@ -116,6 +116,6 @@ def result_at(state: MotionState, cameras: Cameras) -> JointMotion:
 
 def mpjpe_mm(body: Body, found: MotionState, truth: MotionState) -> float:
     """Root-relative mean joint error of two batches, millimetres."""
-    a, b = (body.positions(body.joints, s).xyz for s in (found, truth))
+    a, b = (body.positions(body.joints, s) for s in (found, truth))
     a, b = a - a[:, :, :1], b - b[:, :, :1]
     return float(1000 * (a - b).norm(dim=-1).mean())

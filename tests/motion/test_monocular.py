@@ -46,7 +46,7 @@ def library(made: Made) -> Library:
 
 
 def about_root(made: Made, motion: MotionState) -> torch.Tensor:
-    xyz = made.body.positions(made.body.joints, motion).xyz[0]
+    xyz = made.body.positions(made.body.joints, motion)[0]
     return xyz - xyz[:, :1]
 
 

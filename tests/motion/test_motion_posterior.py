@@ -199,8 +199,7 @@ def test_claims_are_honest_on_a_made_scene(made: Made, given: tuple[Scene, Joint
     all_, result = given
     found = motion_posterior(all_, result, OPTIONS, WHITE)
     joints, true = (
-        made.body.positions(made.body.joints, s).xyz.numpy()
-        for s in (result.state, in_own_axes(made))
+        made.body.positions(made.body.joints, s).numpy() for s in (result.state, in_own_axes(made))
     )
     joints, true = (x - x[:, :, 1:3].mean(2, keepdims=True) for x in (joints, true))
     sigma = np.sqrt(np.einsum("vtjxx->vtj", np.stack(found.covariances_m2)))

@@ -66,7 +66,7 @@ def test_a_camera_at_one_other_place_is_another_translation(made):
 
 
 def test_a_walking_camera_sees_the_motion_where_it_is(made, path):
-    xyz = made.body.positions(made.body.keypoints, made.state).xyz
+    xyz = made.body.positions(made.body.keypoints, made.state)
     observation = walked(made.observations[0], xyz[0].numpy(), path)
     view = per_video_view([observation], made.state.trans)
     pixels, _ = project(view, xyz)
@@ -75,7 +75,7 @@ def test_a_walking_camera_sees_the_motion_where_it_is(made, path):
 
 
 def test_from_one_place_a_performance_looks_as_filmed_from_there(made, path):
-    xyz = made.body.positions(made.body.keypoints, made.state).xyz[0].numpy()
+    xyz = made.body.positions(made.body.keypoints, made.state)[0].numpy()
     observation = walked(made.observations[0], xyz, path)
     still, middle = from_one_place(observation, xyz)
     np.testing.assert_allclose(still.xy_px, project_camera(xyz - middle, K), atol=1e-9)
@@ -114,7 +114,7 @@ def test_the_unit_of_a_path_is_told_by_feet_that_stand(made, path):
     """Who stands on the spot must not glide along with the camera."""
     body: Body = made.body
     still = replace(made.state, R_local=made.state.R_local[:, :1].expand_as(made.state.R_local))
-    xyz = body.positions(body.keypoints, still).xyz[0].numpy()
+    xyz = body.positions(body.keypoints, still)[0].numpy()
     filmed = walked(made.observations[0], xyz, path)
     noise = np.random.default_rng(2).normal(0, 1.0, filmed.xy_px.shape)
     unitless = replace(filmed, xy_px=filmed.xy_px + noise, centre_m=path / UNIT_M)

@@ -159,7 +159,7 @@ def test_azimuths_count_from_the_performer_s_front_to_the_left() -> None:
     made, _ = looked_at([0.0])
     ahead = np.array([0.0, 0.0, 1.0])
     stage = performer_axes(made.body, made.state, made.R, ahead)
-    joints = made.body.positions(made.body.joints, made.state).xyz[0].numpy()
+    joints = made.body.positions(made.body.joints, made.state)[0].numpy()
     left_hip, right_hip = (joints[:, SMPL_JOINTS.index(f"{s}_hip")] for s in ("left", "right"))
     towards_left = (left_hip - right_hip).mean(0)
     assert stage.azimuth_deg(-towards_left) == pytest.approx(90, abs=15)

@@ -165,7 +165,7 @@ def turned(state: MotionState, angle_rad: float, since: int = 0) -> MotionState:
 
 def filming(scene: Scene, state: MotionState) -> Scene:
     """The same scene whose keypoints are those of other motions, in their cameras' axes."""
-    xyz = scene.body.positions(scene.body.keypoints, state).xyz.numpy()
+    xyz = scene.body.positions(scene.body.keypoints, state).numpy()
 
     def filmed(observation: Observation, x: np.ndarray) -> Observation:
         K = observation.K

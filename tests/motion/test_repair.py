@@ -121,9 +121,7 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
     R_local[VIDEO, :, 0] = around @ R_local[VIDEO, :, 0]
     turned = replace(state, R_local=R_local)
     frames = np.ones(FRAMES, dtype=bool)
-    poses = [
-        made.body.positions(made.body.keypoints, s).xyz[VIDEO].numpy() for s in (turned, state)
-    ]
+    poses = [made.body.positions(made.body.keypoints, s)[VIDEO].numpy() for s in (turned, state)]
     assert turning_frames(poses[0], poses[1], frames, 30.0).all()
 
 

@@ -151,7 +151,7 @@ def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> No
     cameras = made.cameras()
     found = common_then_deviations(whole(made), start, cameras, OPTIONS, cameras_known=True)
     start_mm, found_mm, true_mm = (
-        1000 * made.body.positions(made.body.joints, s).xyz[:, :, wrist]
+        1000 * made.body.positions(made.body.joints, s)[:, :, wrist]
         for s in (start, found.state, truth)
     )
     assert float((start_mm - true_mm).norm(dim=-1).min()) > 200
@@ -244,7 +244,7 @@ def two_performers() -> Made:
     betas = shapes[PERFORMERS]
     moved = own.trans + rest - two_performers.body.model.shape(betas).joints_rest[:, 0, None]
     state = replace(own, betas=betas, trans=moved)
-    xyz = two_performers.body.positions(two_performers.body.keypoints, state).xyz.numpy()
+    xyz = two_performers.body.positions(two_performers.body.keypoints, state).numpy()
     observations = []
     for x, observation, performer in zip(xyz, two_performers.observations, PERFORMERS, strict=True):
         pixels = x[..., :2] / x[..., 2:] * FOCAL_PX + K[:2, 2]

@@ -92,7 +92,7 @@ def reprojection(body: Body, state: MotionState) -> Term:
 
 def with_rigid_offsets(body: Body, state: MotionState) -> Reprojection:
     """Detections near the body, so that the inner solve converges."""
-    xyz = body.positions(body.keypoints, state).xyz
+    xyz = body.positions(body.keypoints, state)
     K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
     weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
     eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
@@ -195,7 +195,7 @@ def test_rigid_offsets_leave_the_gradient_that_of_the_cost(body: Body, state: Mo
 
 
 def test_rigid_offsets_of_a_rotated_and_translated_performance_are_recovered(body, state):
-    xyz = body.positions(body.keypoints, state).xyz
+    xyz = body.positions(body.keypoints, state)
     pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
     true = normal(B, T, 6, seed=21, spread=0.03)
     K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)

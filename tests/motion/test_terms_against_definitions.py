@@ -66,7 +66,7 @@ def solve_slowly(
 
 def test_the_inner_solve_ends_where_the_definition_says(body: Body, state: MotionState) -> None:
     term = two_offset_views(body, state)
-    xyz = body.positions(body.keypoints, state).xyz
+    xyz = body.positions(body.keypoints, state)
     pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
     precision = normal(B, T, 6, seed=42).abs() * 100 + 20  # of every axis its own
     for view in (view.with_camera_of(state) for view in term.views):
@@ -127,6 +127,20 @@ def test_views_gathered_by_their_points_are_their_rows(body: Body, state: Motion
         assert_equal(found, expected)
 
 
+def test_compiled_products_over_pairs_are_those_of_whole_matrices(
+    body: Body, state: MotionState
+) -> None:
+    points = body.derivatives(body.keypoints, state)
+    metric, values = normal(B, T, 25, 3, 3, seed=48), normal(B, T, 25, 3, 4, seed=49)
+    for moves, unknowns in ((False, POSE), (True, FRAME_UNKNOWNS)):
+        whole, found = points.by_frame(moves), torch.ones(B, T, unknowns, unknowns).double()
+        points.add_products(found, points, metric)
+        expected = 1 + whole.flatten(2, 3).mT @ (metric @ whole).flatten(2, 3)
+        assert torch.allclose(found, expected, rtol=1e-9, atol=1e-9)
+    expected = whole.flatten(2, 3).mT @ values.flatten(2, 3)
+    assert torch.allclose(points.pulled(values), expected, rtol=1e-9, atol=1e-9)
+
+
 def assert_equal(found: NormalEquations, expected: NormalEquations) -> None:
     for field in fields(found):
         mine, theirs = getattr(found, field.name), getattr(expected, field.name)
@@ -162,7 +176,7 @@ def chords(state: MotionState) -> Tensor:
 
 
 def steps_of_feet(body: Body, state: MotionState) -> Tensor:
-    feet = body.positions(body.feet, state).xyz
+    feet = body.positions(body.feet, state)
     return (feet[:, 1:] - feet[:, :-1]).flatten()
 
 

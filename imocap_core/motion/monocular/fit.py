@@ -73,7 +73,7 @@ def balance_terms(
     level = LevelPrior(
         weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
     )
-    joints = body.positions(body.joints, state).xyz.detach().cpu().numpy()
+    joints = body.positions(body.joints, state).detach().cpu().numpy()
     arms, whitening = [], []
     for x, o in zip(joints, observations, strict=True):
         filmed = FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first)

@@ -180,7 +180,7 @@ def _distinct(body: Body, ordered: Sequence[MotionHypothesis]) -> list[MotionHyp
 
 
 def _about_root(body: Body, motion: MotionState) -> Float[Tensor, "T 24 3"]:
-    xyz = body.positions(body.joints, motion).xyz[0]
+    xyz = body.positions(body.joints, motion)[0]
     return xyz - xyz[:, :1]
 
 

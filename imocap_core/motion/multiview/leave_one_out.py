@@ -135,7 +135,7 @@ def points_at_video_frames(scene: Scene, others: MotionState, v: int) -> Float[n
     """The keypoints' points of a motion at a video's frames, world axes, metres; NaN where no other
     video shows the moment."""
     body_state = others.of_performer(scene.observations[v].performer)
-    xyz = scene.body.positions(scene.body.keypoints, body_state).xyz[0]
+    xyz = scene.body.positions(scene.body.keypoints, body_state)[0]
     position = scene.timeline.to_reference[v]
     points = sample(xyz, position).cpu().numpy()
     shown = without_video(scene, v).timeline.confidence.max(axis=0) > 0
@@ -195,7 +195,7 @@ def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
     hidden = [_without(scene.body, o, limb) for o, limb in rows]
     terms = monocular_terms(scene.body, scene.prior, hidden, state.trans, scene.fit, 1.0)
     solved = solve(terms, state, STEPS).state
-    xyz = scene.body.positions(scene.body.keypoints, solved).xyz.cpu().numpy()
+    xyz = scene.body.positions(scene.body.keypoints, solved).cpu().numpy()
     predictions = []
     for (o, limb), points in zip(rows, xyz, strict=True):
         place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]

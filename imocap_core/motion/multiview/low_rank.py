@@ -236,7 +236,7 @@ def refine_by_pnp(scene: Scene, motion: MotionState, cameras: Cameras) -> Camera
     A camera whose PnP fails keeps its place, and so does one that moves.
     """
     body, keypoints = scene.body, scene.keypoints
-    xyz = body.positions(body.keypoints, motion).xyz[0].cpu().numpy()
+    xyz = body.positions(body.keypoints, motion)[0].cpu().numpy()
     R, t = cameras.R.clone(), cameras.t.clone()
     for v in range(len(R)):
         if v == scene.reference or not (keypoints.weight[v] > 0).any() or keypoints.moves(v):

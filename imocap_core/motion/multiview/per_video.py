@@ -134,7 +134,7 @@ def position_coupling(
     names = body.keypoints.names  # of several layouts, where videos differ in them
     share = weight.new_tensor([(name in COUPLED) / names.count(name) for name in names])
     posed = replace(state, R_local=targets.R_local)
-    xyz = body.positions(body.keypoints, posed).xyz.detach()
+    xyz = body.positions(body.keypoints, posed).detach()
     return JointEvidence(
         body, xyz, targets.trust[..., None] * weight * share, UNBOUNDED, of_keypoints=True
     )
@@ -198,8 +198,8 @@ def joint_spread_rad(
     Args:
         motion: the common one (batch of 1).
     """
-    points = body.positions(body.keypoints, motion).xyz[0]
-    joints = body.positions(body.joints, motion).xyz[0]
+    points = body.positions(body.keypoints, motion)[0]
+    joints = body.positions(body.joints, motion)[0]
     lever = torch.cdist(joints, points).clamp_min(LEAST_LEVER_M).cpu().numpy()  # (N, 24, K)
     moved = body.keypoints.moved_by.T.cpu().numpy()  # (24, K)
     angle = spread_m[:, :, None] / lever[None]  # (M, N, 24, K)
@@ -255,7 +255,7 @@ def refuted(scene: Scene, state: MotionState, targets: CouplingTargets) -> Tenso
 
 def _unexplained(scene: Scene, view: View, state: MotionState) -> Float[Tensor, "B T"]:
     """Share of the keypoints' squared spread that a pose leaves under its best scale and shift."""
-    pixels, _ = project(view, scene.body.positions(scene.body.keypoints, state).xyz)
+    pixels, _ = project(view, scene.body.positions(scene.body.keypoints, state))
     weight = view.weight[..., None]
     total = weight.sum(2, keepdim=True).clamp_min(1e-12)
     p, x = (q - (weight * q).sum(2, keepdim=True) / total for q in (pixels, view.xy_px))

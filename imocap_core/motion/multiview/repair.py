@@ -89,7 +89,7 @@ def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) 
     keypoints = scene.keypoints
     last = keypoints.xy_px.shape[1] - 1
     frames = np.unique(np.linspace(0, last, moments).round().astype(int))
-    xyz = scene.body.positions(scene.body.keypoints, state).xyz
+    xyz = scene.body.positions(scene.body.keypoints, state)
     rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
     motions = [sample(x[: len(o.xy_px)], f[frames]).cpu().numpy() for x, o, f in rows]
     scale = keypoints.sigma_px[:, frames, None] ** 2
@@ -285,7 +285,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
     R = cameras.R.cpu().numpy()
     names = scene.body.keypoints.names
     alone = [LEGS] if len(R) > 2 else []
-    poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
+    poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
     observations = []
     for v, o in enumerate(scene.observations):
         position = scene.timeline.to_reference[v]
@@ -395,7 +395,7 @@ def unexplained(scene: Scene, state: MotionState) -> float:
         scene: with the sides of the detections as the motion has them.
         state: every video's motion in its own camera's axes.
     """
-    poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
+    poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
     shares, ahead = point_shares(scene.body.keypoints.names), np.eye(3)[None]
     means = []
     for pose, o, position in zip(
@@ -437,7 +437,7 @@ def expected_by_others(scene: Scene, state: MotionState, cameras: Cameras) -> li
             of the others are put.
     """
     evidence = keypoint_evidence(scene, state, scene.timeline.from_reference.shape[1])
-    poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
+    poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
     R, K = cameras.R.cpu().numpy(), cameras.K.cpu().numpy()
     expected = []
     for v, o in enumerate(scene.observations):

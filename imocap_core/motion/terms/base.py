@@ -85,6 +85,11 @@ def padded(x: Float[Tensor, "B N *rest"], before: int, after: int) -> Float[Tens
     return torch.nn.functional.pad(x, [0] * (2 * (x.ndim - 2)) + [before, after])
 
 
+def isotropic(weight: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 3 3"]:
+    """Metrics that weigh all directions alike."""
+    return weight[..., None, None] * torch.eye(3, dtype=weight.dtype, device=weight.device)
+
+
 def running_mean(values: Float[Tensor, "B C T"], half: int) -> Float[Tensor, "B C T"]:
     """Centred means of 2 half + 1 frames, the first and last frame repeated beyond the ends."""
     padded = torch.nn.functional.pad(values, (half, half), mode="replicate")

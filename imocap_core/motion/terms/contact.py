@@ -9,8 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations, add_product
-from imocap_core.motion.state import POSE, Body, MotionState, Points
-from imocap_core.motion.terms.base import padded, pairs, pieces, running_mean
+from imocap_core.motion.state import POSE, Body, MotionState, MovedPoints
+from imocap_core.motion.terms.base import isotropic, padded, pairs, pieces, running_mean
 from imocap_core.robust import cauchy, geman_mcclure, geman_mcclure_weight
 
 CONTACT_WINDOW_S = 0.4
@@ -44,41 +44,24 @@ class FootContact:
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        feet = self.body.positions(self.body.feet, state).xyz
+        feet = self.body.positions(self.body.feet, state)
         return self._cost(_steps(feet, state.valid))[0].sum((1, 2))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """A step is the later frame's foot minus the earlier one's, so with feet's derivatives J
         and a pair's weights W a frame gets ``J^T W J`` of both its pairs, and a pair
-        ``-J^T W J'``. Only the unknowns that move a foot enter."""
-        owners = (self.body.feet, _derivatives)
-        feet, frame, d_beta = state.cached(owners, lambda: _derivatives(self.body, state))
-        step = _steps(feet, state.valid)
-        weight = self.weight * self._cost(step)[1] * pairs(state.valid)[..., None]
-        weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
-        shape = d_beta[:, 1:] - d_beta[:, :-1]
-        count, unknowns = shape.shape[-1], frame.shape[-1]
-        change = torch.cat([shape, step.flatten(2)[..., None]], -1)
-        pull = weight * change
-        (before, after), (pulled, pulls) = _of_frames(weight), _of_frames(pull)
-        places = (slice(0, unknowns - 3), slice(0, unknowns - 3)), (slice(-3, None),) * 2
-        for part in pieces(state.valid.shape[1]):
-            held = (before + after)[:, part] * frame[:, part]
-            columns = torch.cat([held, (pulled - pulls)[:, part]], -1)
-            products = frame[:, part].mT @ columns
-            of_frame, by_globals = products.split([unknowns, count + 1], -1)
-            later = frame[:, part.start + 1 : part.stop + 1]
-            pair = slice(part.start, part.start + later.shape[1])
-            across = frame[:, pair].mT @ (-weight[:, pair] * later)
-            for mine, rows in places:
-                for theirs, other in places:
-                    normal.diagonal[:, part, rows, other] += of_frame[..., mine, theirs]
-                    normal.next1[:, pair, rows, other] += across[..., mine, theirs]
-                normal.border[:, part, rows, :count] += by_globals[..., mine, :-1]
-                normal.gradient[:, part, rows] += by_globals[..., mine, -1]
-        corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
-        normal.corner[:, :count, :count] += corner[..., :-1]
-        normal.corner_gradient[:, :count] += corner[..., -1]
+        ``-J^T W J'``."""
+        points = self.body.derivatives(self.body.feet, state)
+        step = _steps(points.xyz, state.valid)
+        weight = self.weight * self._cost(step)[1] * pairs(state.valid)[..., None]  # (B, T-1, 4)
+        of_frame = isotropic(padded(weight, 0, 1) + padded(weight, 1, 0))
+        points.add_products(normal.diagonal, points, of_frame)
+        first, later = points.of_frames(slice(-1)), points.of_frames(slice(1, None))
+        first.add_products(normal.next1[:, :-1], later, isotropic(-weight))
+        rows = torch.cat([later.d_beta - first.d_beta, step[..., None]], -1)
+        pull = weight[..., None, None] * rows
+        ends = padded(pull, 1, 0) - padded(pull, 0, 1)
+        normal.add_columns(points.pulled(ends), rows.flatten(1, 3), pull.flatten(1, 3))
 
 
 def foot_contact_share(
@@ -89,7 +72,7 @@ def foot_contact_share(
     Geman-McClure weight of its mean speed over `CONTACT_WINDOW_S`, so that jitter ends no contact;
     ``speed_m_s`` counts a quarter.
     """
-    step = _steps(body.positions(body.feet, state).xyz, state.valid)
+    step = _steps(body.positions(body.feet, state), state.valid)
     return contact_share(step, fps, speed_m_s=speed_m_s)
 
 
@@ -106,28 +89,6 @@ def contact_share(
 def _steps(feet: Tensor, valid: Tensor) -> Tensor:
     """(B, T-1, F, 3) movement from each frame to the next, 0 where one of them is padding."""
     return (feet[:, 1:] - feet[:, :-1]) * pairs(valid)[..., None, None]
-
-
-def _derivatives(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
-    """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by a frame's unknowns that move them,
-    the translation last, and by the shape."""
-    xyz, frame, shape = [], [], []
-    for part in pieces(state.valid.shape[1]):
-        points = body.derivatives(body.feet, state, part)
-        assert points.d_pose is not None
-        assert points.d_beta is not None
-        moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
-        rows = torch.cat([points.d_pose[..., : 3 * body.feet.movers], moves], -1)
-        xyz.append(points.xyz)
-        frame.append(rows.flatten(2, 3))
-        shape.append(points.d_beta.flatten(2, 3))
-    return torch.cat(xyz, 1), torch.cat(frame, 1), torch.cat(shape, 1)
-
-
-def _of_frames(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
-    """Values of pairs (B, T-1, R, C) at each frame, as the later and as the earlier of the pair."""
-    around = padded(of_pairs, 1, 1)
-    return around[:, :-1], around[:, 1:]
 
 
 @dataclass(frozen=True)
@@ -163,7 +124,7 @@ class Balance:
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        squared = self.residual(self.body.positions(self.body.joints, state).xyz).square().sum(-1)
+        squared = self.residual(self.body.positions(self.body.joints, state)).square().sum(-1)
         return self.weight * (cauchy(squared, self.scale)[0] * state.valid).sum(1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
@@ -173,9 +134,7 @@ class Balance:
             part = replace(self, arm=self.arm[:, frames], whiten=self.whiten[:, frames])
             part._add_piece(normal.of_frames(frames), points, state.valid[:, frames])
 
-    def _add_piece(self, normal: NormalEquations, points: Points, valid: Tensor) -> None:
-        assert points.d_pose is not None
-        assert points.d_beta is not None
+    def _add_piece(self, normal: NormalEquations, points: MovedPoints, valid: Tensor) -> None:
         residual = self.residual(points.xyz)
         weight = self.weight * cauchy(residual.square().sum(-1), self.scale)[1] * valid
         pose, shape = (

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from imocap_core.body.points import PointSet
 from imocap_core.motion.normal import NormalEquations, add_product
-from imocap_core.motion.state import POSE, Body, MotionState, Points
+from imocap_core.motion.state import POSE, Body, MotionState, MovedPoints
 from imocap_core.motion.terms.base import pieces
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import log
@@ -128,7 +128,7 @@ class JointEvidence:
     def _residual_at(self, state: MotionState) -> Tensor:
         """The residual; the cost needs it, and so do the equations of the next step."""
         return state.cached(
-            (self,), lambda: self.residual(self.body.positions(self._points, state).xyz)
+            (self,), lambda: self.residual(self.body.positions(self._points, state))
         )
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
@@ -151,10 +151,8 @@ class JointEvidence:
             part._add_piece(normal.of_frames(frames), points, residual[:, frames], given)
 
     def _add_piece(
-        self, normal: NormalEquations, points: Points, residual: Tensor, given: Tensor
+        self, normal: NormalEquations, points: MovedPoints, residual: Tensor, given: Tensor
     ) -> None:
-        assert points.d_pose is not None
-        assert points.d_beta is not None
         pose, shape = (x[:, :, given] for x in (points.d_pose, points.d_beta))
         metric, pull = self._metric(residual, given)
         by_pose, by_shape = (

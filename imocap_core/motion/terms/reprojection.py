@@ -23,7 +23,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations, add_product
-from imocap_core.motion.state import POSE, Body, MotionState, Points
+from imocap_core.motion.state import POSE, Body, MotionState, MovedPoints
 from imocap_core.motion.terms.base import pieces
 from imocap_core.motion.terms.view import (
     NEAREST_M,
@@ -186,24 +186,15 @@ def whitened(
 
 
 def add_view_residuals(
-    normal: NormalEquations,
-    points: Points,
-    views: Sequence[ViewResiduals],
-    movers: int,
-    shapes: slice,
+    normal: NormalEquations, points: MovedPoints, views: Sequence[ViewResiduals], shapes: slice
 ) -> None:
     """Add ``J^T W J`` and ``J^T W r`` of all views.
 
-    The unknowns of a frame are pose and translation; of the globals the shape (in the columns
-    ``shapes``) and the cameras. Of the pose the first ``movers`` joints alone move the points.
+    The unknowns of a frame are pose and translation; shapes: columns of the globals.
     """
-    assert points.d_pose is not None
-    assert points.d_beta is not None
-    of_joints = slice(3 * movers)
-    d_pose = points.d_pose[..., of_joints]
-    pose, shape = d_pose.flatten(2, 3), points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
+    shape = points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
     metric, mixed, moved = _metric(views)
-    add_product(normal.diagonal[..., of_joints, of_joints], pose, (metric @ d_pose).flatten(2, 3))
+    points.add_products(normal.diagonal[..., :POSE, :POSE], points, metric)
     residual, pull = _residual(views)
     cameras = [view for view in views if view.by_camera is not None]
     offset = [view for view in views if view.by_offset is not None]
@@ -216,14 +207,15 @@ def add_view_residuals(
     ]
     sizes = [x.shape[-1] for x in columns]
     together = torch.cat(columns, -1)
-    of_pose, of_shape = ((x.mT @ together).split(sizes, -1) for x in (pose, shape))
-    normal.diagonal[..., of_joints, POSE:] += of_pose[0]
-    normal.diagonal[..., POSE:, of_joints] += of_pose[0].mT
+    of_pose = points.pulled(together.unflatten(2, (-1, 3)))[..., :POSE, :].split(sizes, -1)
+    of_shape = (shape.mT @ together).split(sizes, -1)
+    normal.diagonal[..., :POSE, POSE:] += of_pose[0]
+    normal.diagonal[..., POSE:, :POSE] += of_pose[0].mT
     normal.diagonal[..., POSE:, POSE:] += moved
-    normal.border[..., of_joints, shapes] += of_pose[1]
+    normal.border[..., :POSE, shapes] += of_pose[1]
     normal.border[..., POSE:, shapes] += of_shape[0].mT
     normal.corner[:, shapes, shapes] += of_shape[1].sum(1)
-    normal.gradient[..., of_joints] += of_pose[2][..., 0]
+    normal.gradient[..., :POSE] += of_pose[2][..., 0]
     normal.gradient[..., POSE:] += pull
     normal.corner_gradient[:, shapes] += of_shape[2][..., 0].sum(1)
     for view, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
@@ -264,11 +256,11 @@ def _at_points(by_common_point: Tensor, rows: Tensor | None) -> Tensor:
 def _add_camera(
     normal: NormalEquations, view: ViewResiduals, by_pose: Tensor, by_shape: Tensor, shapes: slice
 ) -> None:
-    """A free camera's equations; by_pose (B, T, 3J, m), by_shape (B, T, n, m): with the others."""
+    """A free camera's equations; by_pose (B, T, 72, m), by_shape (B, T, n, m): with the others."""
     assert view.by_camera is not None
     columns = view.columns
     rows = view.by_camera.flatten(1, 2)
-    normal.border[..., : by_pose.shape[2], columns] += by_pose
+    normal.border[..., :POSE, columns] += by_pose
     normal.border[..., POSE:, columns] += view.by_point.mT @ view.by_camera
     _add_corner(normal, columns, shapes, by_shape.sum(1), rows.mT @ rows)
     gradient = (rows.mT @ view.residual.flatten(1)[..., None])[..., 0]
@@ -287,12 +279,11 @@ def _eliminate_offsets(
     The gradient stays: the offsets' own is zero once the inner solve has converged.
 
     Args:
-        by_pose: (B, T, 3J, 6V) derivatives of the offsets by the pose; by_shape: (B, T, n, 6V).
+        by_pose: (B, T, 72, 6V) derivatives of the offsets by the pose; by_shape: (B, T, n, 6V).
     """
     by_translation = torch.cat(
         [view.by_offset @ view.by_point for view in views if view.by_offset is not None], -2
     )
-    by_pose = torch.nn.functional.pad(by_pose, (0, 0, 0, POSE - by_pose.shape[2]))
     frame, others = torch.cat([by_pose, by_translation.mT], -2), by_shape.mT  # (B, T, 75, 6V)
     add_product(normal.diagonal, frame.mT, frame.mT, share=-1.0)
     normal.border[..., shapes] -= frame @ others
@@ -356,7 +347,7 @@ class Reprojection:
 
     def _solve_offsets(self, view: View, state: MotionState) -> tuple[Tensor, Tensor]:
         state = state.of_performer(view.performer)
-        xyz = self.body.positions(self.body.keypoints, state).xyz
+        xyz = self.body.positions(self.body.keypoints, state)
         if view.offset_precision is None:
             return xyz, xyz.new_zeros(*xyz.shape[:2], RIGID)
         d, _ = self.rigid_offsets(view, state, view.offset_precision)
@@ -371,7 +362,7 @@ class Reprojection:
     ) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 6 6"]]:
         """A view's rigid offsets and their precision matrices (`solve_rigid_offsets`)."""
         state = state.of_performer(view.performer)
-        xyz = self.body.positions(self.body.keypoints, state).xyz
+        xyz = self.body.positions(self.body.keypoints, state)
         pivot = self._pivot(state)
         return solve_rigid_offsets(
             view.with_camera_of(state), self.scale, xyz, pivot, precision, start
@@ -390,8 +381,7 @@ class Reprojection:
             for frames in pieces(state.valid.shape[1]):
                 points = self.body.derivatives(keypoints, body_state, frames)
                 views = [self._residuals(view, state, frames) for view in shown]
-                part = normal.of_frames(frames)
-                add_view_residuals(part, points, views, keypoints.movers, shapes)
+                add_view_residuals(normal.of_frames(frames), points, views, shapes)
 
     def _residuals(self, whole: View, state: MotionState, frames: slice) -> ViewResiduals:
         """One view's weighted residuals in some frames, and their derivatives."""

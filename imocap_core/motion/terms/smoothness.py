@@ -21,9 +21,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations, add_product
-from imocap_core.motion.state import POSE, Body, MotionState, Points
-from imocap_core.motion.terms.base import padded, pairs, pieces, triples
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.state import POSE, Body, MotionState
+from imocap_core.motion.terms.base import isotropic, padded, pairs, triples
 from imocap_core.robust import cauchy
 from imocap_core.rotations import log
 
@@ -228,7 +228,7 @@ class JointAcceleration:
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        xyz = self.body.positions(self.body.moving, state).xyz
+        xyz = self.body.positions(self.body.moving, state)
         bend = _bends(xyz, state.valid) / self._size(state)[0][:, None, None, None]
         return self._energy_cost(bend)[0].sum((1, 2))
 
@@ -260,70 +260,22 @@ class JointAcceleration:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """An acceleration is linear in three frames' joints: with derivatives J and weights W,
         frames i apart get ``J^T W J'`` of the stencils that hold both."""
-        parts = list(pieces(state.valid.shape[1]))
         if state.valid.shape[1] < len(STENCIL):
             return
-        size, moving = self._size(state)[0], self.body.moving
-        whole = self.body.derivatives(moving, state) if len(parts) == 1 else None
-        xyz = (whole or self.body.positions(moving, state)).xyz
-        bend = _bends(xyz, state.valid) / size[:, None, None, None]
-        inside = triples(state.valid)[..., None]
-        weight = (self._energy_cost(bend)[1] * inside).repeat_interleave(3, -1)  # (B, T-2, 3J)
-        of_pairs = [_pair_weights(weight / size[:, None, None] ** 2, k) for k in range(3)]
-        for frames in parts:
-            around = slice(max(frames.start - 2, 0), min(frames.stop + 2, parts[-1].stop))
-            points = whole or self.body.derivatives(moving, state, around)
-            near = slice(around.start, around.stop - 2)
-            inputs = (bend[:, near].flatten(2), weight[:, near], of_pairs)
-            self._add_piece(normal, self._size(state), frames, around, points, *inputs)
-
-    def _add_piece(
-        self,
-        normal: NormalEquations,
-        sizes: tuple[Tensor, Tensor],
-        frames: slice,
-        around: slice,
-        points: Points,
-        bend: Float[Tensor, "B bends n"],
-        weight: Float[Tensor, "B bends n"],
-        of_pairs: list[Tensor],
-    ) -> None:
-        """Rows of some frames, from the derivatives of these and of two frames on either side."""
-        total, (size, slope) = normal.diagonal.shape[1], sizes
-        assert points.d_pose is not None
-        assert points.d_beta is not None
-        moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
-        J = torch.cat([points.d_pose, moves], -1).flatten(2, 3)  # (B, T, 3J, 75)
-        shape = _second_difference(points.d_beta.flatten(2, 3))
-        shape = (shape - bend[..., None] * slope) / size[:, None, None, None]
-        mine = slice(frames.start - around.start, frames.stop - around.start)
-        J_sized = J[:, mine] / size[:, None, None, None]
-        _add_globals(normal.of_frames(frames), J_sized, shape, bend, weight, mine)
+        points, (size, slope) = self.body.derivatives(self.body.moving, state), self._size(state)
+        size = size[:, None, None, None]
+        bend = _bends(points.xyz, state.valid) / size
+        weight = self._energy_cost(bend)[1] * triples(state.valid)[..., None]  # (B, T-2, J)
         for apart, target in enumerate((normal.diagonal, normal.next1, normal.next2)):
-            rows = slice(frames.start, min(frames.stop, total - apart))
-            first = slice(mine.start, mine.start + rows.stop - rows.start)
-            later = J[:, first.start + apart : first.stop + apart]
-            add_product(target[:, rows], J[:, first], of_pairs[apart][:, rows, :, None] * later)
-
-
-def _add_globals(
-    normal: NormalEquations, J: Tensor, shape: Tensor, bend: Tensor, weight: Tensor, mine: slice
-) -> None:
-    """Gradients, and what couples frames with the shape.
-
-    Args:
-        J: of the frames of ``normal``, which among those around them are ``mine``.
-        shape: (B, N-2, 3J, n) derivatives of the N frames around them; bend, weight: (B, N-2, 3J).
-    """
-    count = shape.shape[-1]
-    pull = weight[..., None] * torch.cat([shape, bend[..., None]], -1)
-    ends = [padded(pull, k, 2 - k)[:, mine] for k in range(len(STENCIL))]
-    columns = J.mT @ (ends[0] - 2 * ends[1] + ends[2])
-    normal.border[..., :count] += columns[..., :count]
-    normal.gradient += columns[..., count]
-    corner = shape[:, mine].flatten(1, 2).mT @ pull[:, mine].flatten(1, 2)
-    normal.corner[:, :count, :count] += corner[..., :count]
-    normal.corner_gradient[:, :count] += corner[..., count]
+            of_pairs = _pair_weights(weight / size[..., 0] ** 2, apart)
+            first, later = points.of_frames(slice(of_pairs.shape[1])), slice(apart, None)
+            metric = isotropic(of_pairs)
+            first.add_products(target[:, : metric.shape[1]], points.of_frames(later), metric)
+        shape = _second_difference(points.d_beta) - bend[..., None] * slope
+        rows = torch.cat([shape / size[..., None], bend[..., None]], -1)
+        pull = weight[..., None, None] * rows
+        ends = padded(pull, 0, 2) - 2 * padded(pull, 1, 1) + padded(pull, 2, 0)
+        normal.add_columns(points.pulled(ends) / size, rows.flatten(1, 3), pull.flatten(1, 3))
 
 
 def _bends(xyz: Tensor, valid: Tensor) -> Tensor:

@@ -11,14 +11,14 @@ rate. The spread of a frame's distribution shows how certain its match is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.sync.maps import Band, BandedMap, whole_band
+from imocap_core.sync.maps import BandedMap, whole_band
+from imocap_core.workers import compiled
 
 # a frame's worst position is at most this much less likely than its best one, in nats
 WORST_FRAME = 25.0
@@ -83,55 +83,15 @@ class StepPrior:
 
     def advanced(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states that lead to each, weighted by the step."""
-        total = self._decaying_sum(state)
-        beyond_usual = total[: -self.usual - 1]
-        if not len(beyond_usual):
-            return total
-        weighted = total.copy()
-        weighted[self.usual + 1 :] -= (
-            (1.0 - self.leap) * self.decay ** (self.usual + 1) * beyond_usual
-        )
-        beyond_largest = total[: -self.largest - 1]
-        if len(beyond_largest):
-            weighted[self.largest + 1 :] -= (
-                self.leap * self.decay ** (self.largest + 1) * beyond_largest
-            )
-        if len(beyond_largest) or self.leap == 0:  # else what is left is at least a leap's share
-            np.maximum(weighted, 0.0, out=weighted)
-        return weighted
+        total = np.empty_like(state)
+        _advance(state, 0, total, 0, astuple(self))
+        return total
 
     def mean(self, filling: float) -> float:
         """Mean step by the decaying weights; `filling` where they do not decay."""
         return self.decay / (1.0 - self.decay) if self.decay < 1.0 else filling
 
-    def _decaying_sum(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
-        """Sum (S,) over all states at or before each, weighted by decay^distance."""
-        if self.decay == 1.0:
-            return np.add.accumulate(state)
-        powers, inverses = self._powers
-        total, carried = np.empty_like(state), 0.0
-        for first in range(0, len(state), len(powers)):
-            block = total[first : first + len(powers)]
-            weighted = state[first : first + len(powers)] * inverses[: len(block)]
-            np.add.accumulate(weighted, out=block)
-            block += self.decay * carried
-            block *= powers[: len(block)]
-            carried = block[-1]
-        return total
 
-    @cached_property
-    def _powers(self) -> tuple[np.ndarray, np.ndarray]:
-        """decay^0, decay^1, ..., as many as are far from underflow, and one by each."""
-        most = min(1 + int(np.log(1e-200) / np.log(self.decay)), MOST_POWERS)
-        powers = self.decay ** np.arange(most)
-        return powers, 1.0 / powers
-
-    def led_to(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
-        """Sum (S,) over all states that each leads to, weighted by the step."""
-        return self.advanced(state[::-1])[::-1]
-
-
-MOST_POWERS = 50_000
 ANY_STEP = StepPrior(2**31, 2**31, 1.0)
 
 
@@ -159,119 +119,95 @@ def banded_posterior(
     cost: BandedMap, *, unmatched: float | Float[np.ndarray, " N"], steps: StepPrior = ANY_STEP
 ) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
     """`monotone_posterior` over the warps within a band, which every frame must have."""
-    N, _ = cost.shape
-    inside, outside = _joint_weights(_Likelihoods.of(cost, unmatched, steps), steps)
-    matched, values = np.empty(N), []
-    for (rows, _), joint in zip(cost.bands, inside, strict=True):
-        posterior, matched[rows] = normalised(joint, outside[rows])
+    N, S = cost.shape
+    # A match chooses among positions and "unmatched" doesn't: charge the match the prior of
+    # one step of a walk at the usual rate, or of one that fills the other video where that is
+    # slower. A longer video shows other content too: filling it would charge too much.
+    slower, faster = sorted((steps.mean(S / N), S / N))
+    edge = max(1, int(np.ceil(2.0 * faster)))  # positions at which a warp may begin, or end
+    charge, skip, match = np.log1p(slower), np.empty(N), list[np.ndarray]()
+    for rows, _, costs in cost:
+        limit = np.broadcast_to(unmatched, N)[rows]
+        likelihood, skip[rows], _ = bounded_likelihoods(costs + charge, limit)
+        match.append(likelihood.ravel())
+    begin, width = np.empty(N, int), np.empty(N, int)
+    for rows, here in cost.bands:
+        begin[rows], width[rows] = here.start, here.stop - here.start
+    joint, outside = _joint_weights(
+        np.concatenate(match), begin, width, skip, edge, S, astuple(steps)
+    )
+    matched, values, used = np.empty(N), list[np.ndarray](), 0
+    for (rows, _), likelihood in zip(cost.bands, match, strict=True):
+        of_band = joint[used : used + likelihood.size].reshape(rows.stop - rows.start, -1)
+        posterior, matched[rows] = normalised(of_band, outside[rows])
         values.append(posterior)
+        used += likelihood.size
     return BandedMap(cost.shape, cost.bands, values), matched
 
 
-@dataclass(frozen=True)
-class _Likelihoods:
-    """Of the match at each position of the frame's band, and of no match.
+@compiled
+def _advance(state, start, reached, begin, steps):  # type: ignore[no-untyped-def]
+    """Weights of positions from ``begin`` on: sums over all states, which lie from ``start`` on,
+    that lead to each, weighted by the step."""
+    usual, largest, leap, decay = steps
+    low = min(start, begin)
+    total, carried = np.empty(begin + len(reached) - low), 0.0
+    for k in range(len(total)):
+        here = low + k - start
+        carried = carried * decay + (state[here] if 0 <= here < len(state) else 0.0)
+        total[k] = carried
+    near, far = (1.0 - leap) * decay ** (usual + 1), leap * decay ** (largest + 1)
+    for k in range(len(reached)):
+        place = begin - low + k
+        weight = total[place]
+        if place > usual:
+            weight -= near * total[place - usual - 1]
+        if place > largest:
+            weight -= far * total[place - largest - 1]
+        reached[k] = max(weight, 0.0)
 
-    skip: (N,). edge: of the S positions a warp may begin at so many first ones, and end at as many
-    last ones.
+
+@compiled
+def _joint_weights(match, begin, width, skip, edge, S, steps):  # type: ignore[no-untyped-def]
+    """Weights of each frame's positions, one frame after another, and of having no counterpart,
+    each frame's up to one factor: forward messages, times backward ones.
+
+    Messages are of the frame's positions, of "before the warp's start" and "after its end".
+
+    Args:
+        match: likelihoods of the frames' positions, ``width`` of a frame from ``begin`` on.
+        edge: of the S positions a warp may begin at so many first ones, and end at as many last.
     """
-
-    bands: Sequence[Band]
-    match: Sequence[np.ndarray]
-    skip: list[float]
-    edge: int
-    S: int
-
-    @classmethod
-    def of(cls, cost: BandedMap, unmatched: float | np.ndarray, steps: StepPrior) -> _Likelihoods:
-        N, S = cost.shape
-        # A match chooses among positions and "unmatched" doesn't: charge the match the prior of
-        # one step of a walk at the usual rate, or of one that fills the other video where that is
-        # slower. A longer video shows other content too: filling it would charge too much.
-        slower, faster = sorted((steps.mean(S / N), S / N))
-        charge, skip, match = np.log1p(slower), np.empty(N), []
-        for_each = np.broadcast_to(unmatched, N)
-        for rows, _, values in cost:
-            likelihood, skip[rows], _ = bounded_likelihoods(values + charge, for_each[rows])
-            match.append(likelihood)
-        return cls(cost.bands, match, skip.tolist(), max(1, int(np.ceil(2.0 * faster))), S)
-
-    def first(self, here: slice) -> slice:
-        """Where a warp may begin, of these positions."""
-        return slice(0, max(0, self.edge - here.start))
-
-    def last(self, here: slice) -> slice:
-        """Where a warp may end, of these positions."""
-        return slice(max(0, self.S - self.edge - here.start), None)
-
-
-def _joint_weights(
-    likelihoods: _Likelihoods, steps: StepPrior
-) -> tuple[list[np.ndarray], Float[np.ndarray, " N"]]:
-    """Weights of each frame's positions, band by band, and of having no counterpart, each frame's
-    up to one factor: forward messages, times backward ones."""
-    joint, before, after = _forward(likelihoods, steps)
-    outside = np.empty(len(likelihoods.skip))
-    back, back_before, back_after = np.ones(0), 1.0, 1.0
-    likelihood, skip, there, first = np.ones(0), 1.0, slice(0, 0), slice(0, 0)  # of the next frame
-    for (rows, here), match, messages in reversed(
-        list(zip(likelihoods.bands, likelihoods.match, joint, strict=True))
-    ):
-        last, starts = likelihoods.last(here), likelihoods.first(here)
-        for row in range(len(messages) - 1, -1, -1):
-            t = rows.start + row
-            if t + 1 < len(outside):
-                back = back * likelihood
-                back_before = _sum(back, first) + back_before * skip
-                back_after *= skip
-                back = moved(back, there, here, steps.led_to)
-                if last.start < len(back):
-                    back[last] += back_after
-                scale = max(float(np.maximum.reduce(back)), back_before, back_after)
-                back /= scale
-                back_before, back_after = back_before / scale, back_after / scale
-            else:
-                back = np.ones(here.stop - here.start)
-            messages[row] *= back
-            outside[t] = before[t] * back_before + after[t] * back_after
-            likelihood, skip = match[row], likelihoods.skip[t]
-            there, first = here, starts
-    return joint, outside
-
-
-def _forward(
-    likelihoods: _Likelihoods, steps: StepPrior
-) -> tuple[list[np.ndarray], list[float], list[float]]:
-    """Forward messages: of each frame's positions, of "before the warp's start" and of "after its
-    end"."""
-    inside = [np.empty_like(match) for match in likelihoods.match]
-    before, after = list[float](), list[float]()
-    state, there, last, early, late = np.zeros(0), slice(0, 0), slice(0, 0), 1.0, 0.0
-    for (rows, here), match, messages in zip(
-        likelihoods.bands, likelihoods.match, inside, strict=True
-    ):
-        first, ends = likelihoods.first(here), likelihoods.last(here)
-        for likelihood, message, skip in zip(match, messages, likelihoods.skip[rows], strict=True):
-            if before:
-                come = moved(state, there, here, steps.advanced)
-                if first.stop:
-                    come[first] += early
-                np.multiply(come, likelihood, out=message)
-                late += _sum(state, last)
-            else:
-                message[:] = likelihood
-            early, late = early * skip, late * skip
-            scale = max(float(np.maximum.reduce(message)), early, late)
-            message /= scale
+    N, joint, end = len(width), np.empty(len(match)), np.cumsum(width)
+    before, after, early, late = np.empty(N), np.empty(N), 1.0, 0.0
+    for t in range(N):
+        message, first = joint[end[t] - width[t] : end[t]], begin[t]
+        if t:
+            last = joint[end[t - 1] - width[t - 1] : end[t - 1]]
+            _advance(last, begin[t - 1], message, first, steps)
+            message[: max(0, edge - first)] += early
+            late += last[max(0, S - edge - begin[t - 1]) :].sum()
+        else:
+            message[:] = 1.0
+        message *= match[end[t] - width[t] : end[t]]
+        early, late = early * skip[t], late * skip[t]
+        scale = max(message.max(), early, late)
+        message /= scale
+        early, late = early / scale, late / scale
+        before[t], after[t] = early, late
+    outside, back, early, late = np.empty(N), np.ones(width[N - 1]), 1.0, 1.0
+    for t in range(N - 1, -1, -1):
+        if t + 1 < N:
+            back = back * match[end[t + 1] - width[t + 1] : end[t + 1]]
+            early = back[: max(0, edge - begin[t + 1])].sum() + early * skip[t + 1]
+            late *= skip[t + 1]
+            come, stop = np.empty(width[t]), S - begin[t] - width[t]
+            later = S - begin[t + 1] - width[t + 1]
+            _advance(back[::-1], later, come[::-1], stop, steps)
+            come[max(0, S - edge - begin[t]) :] += late
+            scale = max(come.max(), early, late)
+            back = come / scale
             early, late = early / scale, late / scale
-            before.append(early)
-            after.append(late)
-            state, there, last = message, here, ends
-    return inside, before, after
-
-
-def _sum(weights: np.ndarray, where: slice) -> float:
-    """Of the weights there; most frames of long videos are not near an end and have none."""
-    if where.start >= min(where.stop or len(weights), len(weights)):
-        return 0.0
-    return float(np.add.reduce(weights[where]))
+        joint[end[t] - width[t] : end[t]] *= back
+        outside[t] = before[t] * early + after[t] * late
+    return joint, outside
