@@ -56,9 +56,8 @@ class ShownBody:
 
 
 @dataclass(frozen=True, eq=False)
-class PageText:
-    """The words of a page: its title, what it shows, differences to click, what is said in
-    numbers."""
+class _PageText:
+    """The words of a page; notes are what it says in numbers."""
 
     title: str
     lead: str
@@ -96,7 +95,7 @@ def pair_page(
         f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way"
     )
     return _page(
-        PageText(f"{names[0]} and {names[1]}", lead, findings, _pair_notes(pair, chance)),
+        _PageText(f"{names[0]} and {names[1]}", lead, findings, _pair_notes(pair, chance)),
         pair.first.performances.shaped,
         pair.phase_s,
         bodies,
@@ -137,7 +136,7 @@ def technique_page(
         lead, bodies = f"{each.ids[0]} and {each.ids[1]}", bodies[1:]
         curves = {name: of[1:] for name, of in curves.items()}
     return _page(
-        PageText(
+        _PageText(
             t.action,
             f"{lead} at the same moments, on one body, facing one way",
             findings,
@@ -165,7 +164,7 @@ def _filmed(t: Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed
 
 
 def _page(
-    text: PageText,
+    text: _PageText,
     shaped: Shaped,
     phase_s: Float[np.ndarray, " N"],
     bodies: Sequence[ShownBody],

@@ -12,7 +12,6 @@ from benchmarks.performances.report import FILE, _first_scores, sizes
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURED = data_base(ROOT) / "performances" / FILE
-NAMES = ("left_hip", "right_hip", "head")
 
 
 def test_sets_double_up_to_all_takes() -> None:
@@ -24,7 +23,6 @@ def test_cameras_stand_around_the_performer() -> None:
     assert [placement(v) for v in range(MAX_VIDEOS)] == list(PLACEMENTS)
     azimuths = sorted(placement(v).azimuth_deg for v in range(MAX_VIDEOS, 32))
     assert max(np.diff(azimuths)) < 45
-    assert placement(20) == placement(20) != placement(21)
 
 
 @pytest.mark.skipif(not CAPTURED.is_file(), reason="needs the captured takes (IMOCAP_DATA)")
@@ -43,7 +41,7 @@ def test_the_first_mode_is_of_poses_not_of_places() -> None:
         joints = np.tile(still, (20, 1, 1))
         joints[:, 2, 0] += 0.1 * score
         true.append(joints + rng.normal(size=3))
-    got = _first_scores(true, list(NAMES))
+    got = _first_scores(true, ["left_hip", "right_hip", "head"])
     assert abs(np.corrcoef(got, scores)[0, 1]) == pytest.approx(1.0)
 
 

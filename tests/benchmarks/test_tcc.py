@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.ablations.tcc_sync import hip_columns, tcc_sync
-from benchmarks.tcc import POSES, align, align_by_tcc, cycle_back_regression, pose_clip, train
+from benchmarks.ablations.tcc_sync import tcc_sync
+from benchmarks.tcc import POSES, align_by_tcc, cycle_back_regression, pose_clip
 from benchmarks.tcc.loss import LEAST_VARIANCE
-from benchmarks.tcc.training import window_offsets, windows_at
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from tests.made_keypoints import made_keypoints
 
@@ -52,17 +51,6 @@ def test_the_loss_of_a_batch_is_the_mean_of_the_slow_ones() -> None:
     fast = cycle_back_regression(*tensors, temperature=0.5, variance_weight=0.1)
     slow = [slow_loss(*pair, 0.5, 0.1) for pair in zip(u, v, times, strict=True)]
     assert float(fast) == pytest.approx(np.mean(slow), rel=1e-10)
-
-
-def test_clips_that_agree_lose_less_than_clips_that_do_not() -> None:
-    path = torch.linspace(0, 3, 30, dtype=torch.float64)[None, :, None]
-    times = torch.linspace(0, 1, 30, dtype=torch.float64)[None]
-    shuffled = torch.zeros_like(path)  # every frame alike: no way back
-    same, lost = (
-        cycle_back_regression(path, v, times, temperature=0.1, variance_weight=0.0)
-        for v in (path, shuffled)
-    )
-    assert float(same) < 0.1 * float(lost)
 
 
 def made_pose(phase: np.ndarray) -> np.ndarray:
@@ -120,28 +108,6 @@ def test_one_motion_in_three_timings_is_aligned() -> None:
         assert ((trust >= 0) & (trust <= 1)).all()
 
 
-def test_the_same_seed_gives_the_same_embedding_and_leaves_the_global_one_alone() -> None:
-    clips = [pose_clip(made_pose(p), np.ones((len(p), 12)), HIPS) for p in made_phases()[:2]]
-    settings = replace(POSES, steps=3, sampled=16)
-    before = torch.get_rng_state()
-    runs = [train(clips, [FPS] * 2, settings, seed=seed) for seed in (4, 4, 5)]
-    assert torch.equal(before, torch.get_rng_state())
-    np.testing.assert_array_equal(runs[0].embeddings[1], runs[1].embeddings[1])
-    assert not np.array_equal(runs[0].embeddings[1], runs[2].embeddings[1])
-    assert [e.shape for e in runs[0].embeddings] == [(110, 64), (100, 64)]
-
-
-def test_frames_that_the_reference_does_not_show_stay_unmatched() -> None:
-    path = np.stack([np.linspace(0, 10, 101), np.zeros(101)], axis=1)
-    pair, open_ends = [path[20:80], path], replace(POSES, unmatched_level=0.5)
-    positions = align(pair, [FPS] * 2, open_ends, reference=0).reference_frame[1]
-    assert np.isnan(positions[:5]).all()
-    assert np.isnan(positions[-5:]).all()
-    np.testing.assert_allclose(positions[25:75], np.arange(5.0, 55.0))
-    closed = align(pair, [FPS] * 2, POSES, reference=0).reference_frame[1]
-    assert np.isfinite(closed).all()
-
-
 def test_a_pose_clip_knows_neither_place_nor_size_and_nothing_of_what_is_missing() -> None:
     xy, confidence = made_pose(np.linspace(0, 2, 20)), np.ones((20, 12))
     xy[3, 5] = np.nan
@@ -153,32 +119,6 @@ def test_a_pose_clip_knows_neither_place_nor_size_and_nothing_of_what_is_missing
     assert np.isfinite(clip).all()
     np.testing.assert_array_equal(clip[[3, 4], [5, 7]], 0.0)
     np.testing.assert_allclose(clip[0, :2, :2].sum(axis=0), 0.0, atol=1e-5)
-
-
-def test_windows_repeat_the_ends_of_a_clip() -> None:
-    offsets = window_offsets(10.0, replace(POSES, taps=3, spacing_s=0.2))
-    assert offsets.tolist() == [-2, 0, 2]
-    windows = windows_at(torch.arange(6), torch.tensor([0, 3, 5]), offsets)
-    assert windows.tolist() == [[0, 0, 2], [1, 3, 5], [3, 5, 5]]
-
-
-@pytest.mark.parametrize(
-    ("shapes", "change", "message"),
-    [
-        ([(9, 6, 3)], {}, "two or more"),
-        ([(9, 6, 3), (9, 5, 3)], {}, "clip 1"),
-        ([(9, 6, 3), (9, 6, 3)], {"taps": 4}, "odd"),
-        ([(9, 6, 2), (9, 6, 2)], {}, "expected a pose"),
-    ],
-)
-def test_clips_that_do_not_fit_are_refused(shapes, change, message):
-    clips = [np.zeros(shape, np.float32) for shape in shapes]
-    with pytest.raises(ValueError, match=message):
-        train(clips, [FPS] * len(clips), replace(POSES, **change), seed=0)
-    with pytest.raises(ValueError, match="reference"):
-        align([np.zeros((4, 2))], [FPS], POSES, reference=1)
-    with pytest.raises(ValueError, match="root is missing in every frame"):
-        pose_clip(np.full((4, 3, 2), np.nan), np.ones((4, 3)), HIPS)
 
 
 def swinging_video(name: str, count: int) -> VideoKeypoints:
@@ -202,11 +142,3 @@ def test_every_frame_of_every_video_is_placed() -> None:
     assert placed.min() >= 0
     assert placed.max() <= 29
     assert (np.diff(placed) >= 0).all()
-
-
-def test_what_cannot_be_had_is_said() -> None:
-    keypoints = Keypoints(videos=[swinging_video("a", 24), swinging_video("b", 30)])
-    with pytest.raises(ValueError, match="expected one of a, b, got 'c'"):
-        tcc_sync(keypoints, reference="c", seed=0)
-    with pytest.raises(ValueError, match="needs the hips"):
-        hip_columns("left_hand21")
