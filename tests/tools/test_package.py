@@ -23,8 +23,8 @@ def test_the_defaults_are_inside(wheel: zipfile.ZipFile) -> None:
 def test_code_and_data_are_inside(wheel: zipfile.ZipFile) -> None:
     inside = set(wheel.namelist())
     for package, place in {"imocap": "", "imocap_core": "", "stages": "imocap_core/"}.items():
-        files = {p for p in (ROOT / package).rglob("*") if p.is_file() and p.suffix != ".pyc"}
-        assert {place + p.relative_to(ROOT).as_posix() for p in files} <= inside
+        files = {p.relative_to(ROOT).as_posix() for p in (ROOT / package).rglob("*.*")}
+        assert {place + file for file in files if "__pycache__" not in file} <= inside
     assert "imocap_core/body/data/free_body.npz" in inside
 
 
