@@ -1,13 +1,11 @@
 """Variation: how the performances of one action differ (Eq. 4 as a distribution).
 
 A performance is ``X_v = M + sum_k s_vk B_k + r_v``: the mean motion, K modes of variation with a
-score a performance, and a rest of its own. This is Eq. 4's low-rank model with the mean removed,
-and noise in it.
+score a performance, and a rest of its own. It is Eq. 4 with the mean removed, and noise in it.
 
-Modes are principal components of the joints' places, which keypoints determine; how the joints turn
-along a mode follows by regression on its scores, as the twist of a limb would otherwise pass for a
-way to differ. A mode counts if it predicts performances that it was not learned from: of each one,
-its scores are read from half of its joints and moments, and predict the other half.
+Modes are principal components of the joints' places, which keypoints determine; turns follow by
+regression on the scores, as a limb's twist would otherwise pass for a way to differ. A mode counts
+if half of the joints and moments of a performance that it was not learned from predict the rest.
 """
 
 from __future__ import annotations
@@ -96,8 +94,7 @@ def held_out_errors(
     """Squared error of held-out halves of held-out performances by 0, 1, 2, ... modes of the
     others, as shares of the error by none; 0 modes alone of fewer than `LEAST_PERFORMANCES`.
 
-    Args:
-        shifts: deviations from the mean, metres; fps: moments a second.
+    shifts: deviations from the mean, metres; fps: moments a second.
     """
     M, N, J, _ = shifts.shape
     if M < LEAST_PERFORMANCES:

@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from imocap_core.errors import WorkFailed
+from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.version import __version__
 from imocap_core.workspace import Workspace
@@ -65,9 +65,11 @@ def _detector(workspace: Workspace) -> str:
     from imocap_core.detect.detection import is_set_up
     from imocap_core.detect.detectors import detector_of
     from imocap_core.detect.environment import DETECTION
-    from imocap_core.params import DetectParams
 
-    detector = detector_of(DetectParams(), workspace.root)
+    try:
+        detector = detector_of(workspace.pipeline().params.detect, workspace.root)
+    except (WorkFailed, WrongUse):  # said of the pipeline
+        return "detection: as pipeline.yaml says"
     if is_set_up(detector):
         return f"detection: {detector.packages.stem} is ready"
     return f"detection: the first run fetches {detector.packages.stem} ({DETECTION.size})"

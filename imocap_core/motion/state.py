@@ -28,6 +28,7 @@ from imocap_core.body import (
     points_with_blocks,
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.motion import normal
 from imocap_core.rotations import exp, log
 from imocap_core.workers import compiled
 
@@ -215,8 +216,8 @@ MOVING = (
 class MovedPoints:
     """Positions of K points and their derivatives J.
 
-    A point moves with its joint's ancestors only. On a processor compiled loops run over pairs of
-    a point and such a joint; a card multiplies whole matrices.
+    A point moves with its joint's ancestors: compiled loops run over these pairs, a card multiplies
+    whole matrices.
 
     Attributes:
         xyz: (B, T, K, 3) metres; points: their names and pairs.
@@ -251,7 +252,7 @@ class MovedPoints:
             target: of all unknowns of a frame, or of the pose alone.
         """
         moves = target.shape[-1] == FRAME_UNKNOWNS
-        if target.is_cuda:
+        if not normal.for_lapack(target):
             left, right = (x.by_frame(moves) for x in (self, later))
             target += left.flatten(2, 3).mT @ (metric @ right).flatten(2, 3)
             return
@@ -261,7 +262,7 @@ class MovedPoints:
 
     def pulled(self, values: Float[Tensor, "B T K 3 m"]) -> Float[Tensor, "B T 75 m"]:
         """``J^T values``."""
-        if values.is_cuda:
+        if not normal.for_lapack(values):
             return self.by_frame(True).flatten(2, 3).mT @ values.flatten(2, 3)
         sums = values.new_zeros(*values.shape[:2], FRAME_UNKNOWNS, values.shape[-1])
         for motion in zip(*(x.numpy() for x in (sums, self.blocks, values)), strict=True):

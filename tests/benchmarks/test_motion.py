@@ -128,7 +128,7 @@ def test_absent_data_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ({"name": "dance"}, "expected one of protocol, trials, yoga, h36m"),
+        ({"name": "dance"}, "expected one of protocol, trials, yoga, real, h36m"),
         ({"name": "trials", "detector": "x"}, "--detector: expected one of fine_tuned"),
         ({"name": "trials", "videos": 13}, "--videos: expected 1 to 12, got 13"),
         ({"name": "yoga", "videos": 5}, "--videos: expected 1 to 4, got 5"),
