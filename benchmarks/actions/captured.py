@@ -162,21 +162,19 @@ def videos_of_performances(files: Sequence[Path], videos: int) -> list[CapturedV
             count = min(videos, len(stored["trial_ids"]))
             trials += [stored[f"trial_{v:02d}"].astype(np.float64) for v in range(count)]
     return [
-        CapturedVideo(
-            p.joints_m,
-            p.phase,
-            np.arange(len(p.phase)),
-            fps,
-            p.R_common_from_scene,
-            p.t_common,
-            skeleton_m=skeleton,
-            segments=_segments(files[0], skeleton),
-        )
-        for p, skeleton in on_stage(trials, index)
+        replace(captured_video(p, fps), skeleton_m=skeleton, segments=_segments(files[0], skeleton))
+        for p, skeleton in _on_stage(trials, index)
     ]
 
 
-def on_stage(
+def captured_video(trial: AlignedTrial, fps: float) -> CapturedVideo:
+    """A video of all of an aligned trial."""
+    frames = np.arange(len(trial.phase))
+    common = trial.R_common_from_scene, trial.t_common
+    return CapturedVideo(trial.joints_m, trial.phase, frames, fps, *common)
+
+
+def _on_stage(
     trials: Sequence[np.ndarray], index: Int[np.ndarray, "14"]
 ) -> list[tuple[AlignedTrial, np.ndarray]]:
     """Aligned trials, each with its whole skeleton on the stage."""

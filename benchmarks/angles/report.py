@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import chosen_names, ready_job
+from benchmarks.chance.takes import between_deg
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.parallel import ActionDisplay
 from benchmarks.tables import write_rows
@@ -124,9 +125,7 @@ def peak_m_s(place_m: Float[np.ndarray, "T 3"], fps: float) -> float:
 
 def bend_deg(joints: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
     """How far a limb of three joints is bent: 0 where it is straight."""
-    a, b = joints[:, 1] - joints[:, 0], joints[:, 2] - joints[:, 1]
-    cosine = (a * b).sum(-1) / np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)
-    return np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return between_deg(joints[:, 1] - joints[:, 0], joints[:, 2] - joints[:, 1])
 
 
 def _angle_row(name: str, parts: list[Float[np.ndarray, "2 _"]]) -> AngleRow:

@@ -31,8 +31,8 @@ class CapturedTake:
                 upper, middle, end = (
                     joints[:, self.names.index(f"{side}_{name}")] for name in bend
                 )
-                angles[f"{side}_{bend[1]}"] = _between_deg(middle - upper, end - middle)
-                angles[f"{side}_{bend[0]}"] = _between_deg(middle - upper, DOWN)
+                angles[f"{side}_{bend[1]}"] = between_deg(middle - upper, end - middle)
+                angles[f"{side}_{bend[0]}"] = between_deg(middle - upper, DOWN)
         return angles
 
 
@@ -61,8 +61,9 @@ def _about_hips(
     return np.asarray((joints - (left + right)[:, None] / 2) @ R.T)
 
 
-def _between_deg(
+def between_deg(
     a: Float[np.ndarray, "N 3"], b: Float[np.ndarray, "*N 3"]
 ) -> Float[np.ndarray, " N"]:
+    """Angle between directions."""
     product = (a * b).sum(-1) / np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)
     return np.rad2deg(np.arccos(np.clip(product, -1.0, 1.0)))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.actions.action_folder import action_key, make_action
-from benchmarks.actions.captured import CapturedVideo, on_stage
+from benchmarks.actions.captured import CapturedVideo, captured_video
+from benchmarks.synthetic.trials import align_trials
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.source import closure
 from imocap_core.workspace import Workspace
@@ -17,19 +19,10 @@ def takes(file: Path, first: int, count: int) -> list[CapturedVideo]:
     """Some takes, in one scene; a take has the same camera and random numbers in every set."""
     with np.load(file) as stored:
         index, fps = stored["common14_idx"], float(stored["fps"])
-        joints = [stored[f"trial_{first + v:02d}"].astype(np.float64) for v in range(count)]
-    return [
-        CapturedVideo(
-            p.joints_m,
-            p.phase,
-            np.arange(len(p.phase)),
-            fps,
-            p.R_common_from_scene,
-            p.t_common,
-            place=first + v,
-        )
-        for v, (p, _) in enumerate(on_stage(joints, index))
-    ]
+        trials = range(first, first + count)
+        joints = [stored[f"trial_{v:02d}"][:, index].astype(np.float64) for v in trials]
+    videos = [captured_video(trial, fps) for trial in align_trials(joints)]
+    return [replace(video, place=first + v) for v, video in enumerate(videos)]
 
 
 def ready_takes(

@@ -23,8 +23,9 @@ from benchmarks.parallel import ActionDisplay
 from benchmarks.performances.action import ready_takes
 from benchmarks.scoring.score import score_action
 from benchmarks.tables import write_rows
-from imocap_core.compare.compare import describe, performances_of, variation_of
+from imocap_core.compare.compare import describe, performances_of
 from imocap_core.library.result import Result
+from imocap_core.motion.multiview.timeline import values_at
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.workspace import Workspace
@@ -93,7 +94,7 @@ def _measured(job: Job, display: Display, folder: Path) -> list[float]:
 def distribution(result: Result, job: Job) -> tuple[float, float, float]:
     """Median ratio of standard deviations, as solved and in all, and correlation of first modes."""
     technique = describe(performances_of(result))
-    variation, of_each = variation_of(technique), technique.performances
+    variation, of_each = result.variation, technique.performances
     frames = [
         clock * result[video].fps
         for video, clock in zip(variation.ids, of_each.clock_s, strict=True)
@@ -102,7 +103,7 @@ def distribution(result: Result, job: Job) -> tuple[float, float, float]:
     with np.load(job.action.folder / job.action.truth) as truth:
         names = [str(name) for name in truth["joint_names"]]
         true = [
-            _sampled(truth[f"{video}/joints"], frame)
+            values_at(truth[f"{video}/joints"], frame)
             for video, frame in zip(variation.ids, frames, strict=True)
         ]
     ratios = []
@@ -139,12 +140,6 @@ def _first_scores(
 
 def _correlation(a: Float[np.ndarray, " M"], b: Float[np.ndarray, " M"]) -> float:
     return abs(float(np.corrcoef(a, b)[0, 1])) if len(a) > 2 else float("nan")
-
-
-def _sampled(values: Float[np.ndarray, "T J 3"], frame: Float[np.ndarray, " N"]) -> np.ndarray:
-    low = np.clip(np.floor(frame).astype(int), 0, len(values) - 2)
-    share = (np.clip(frame, 0, len(values) - 1) - low)[:, None, None]
-    return np.asarray((1 - share) * values[low] + share * values[low + 1])
 
 
 def _rms(values: Float[np.ndarray, " N"]) -> float:

@@ -149,6 +149,7 @@ def _reference_body(result: ActionResult) -> Shaped:
 
 
 _LEAST = 3  # moments that two actions must share
+Curves = dict[str, MeanCurve]
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,8 +198,8 @@ def describe(performances: Performances) -> Technique:
     )
 
 
-def variation_of(t: Technique) -> Variation:
-    """The distribution of an action's motion over its performances."""
+def variation_of(t: Technique, angles: Curves) -> Variation:
+    """The distribution of an action's motion over its performances; angles: their means."""
     errors = held_out_errors(t.mean.shifts, t.performances.fps, np.random.default_rng(0))
     return Variation(
         ids=t.instances.ids,
@@ -208,7 +209,7 @@ def variation_of(t: Technique) -> Variation:
         joints=t.mean.joints,
         modes=t.modes.first(number_of_modes(errors)),
         held_out=errors,
-        angles=technique_angles(t).mean,
+        angles=angles,
     )
 
 
@@ -329,9 +330,6 @@ def _difference(
             second.spread_mm[nearest] / 1000,
         ),
     )
-
-
-Curves = dict[str, MeanCurve]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The files of a technique report: one HTML page, Markdown, tables, pictures, the mean as BVH."""
+"""The files of a technique report: one HTML page, and tables."""
 
 from __future__ import annotations
 
@@ -280,7 +280,8 @@ def write_technique(
         out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
     )
     angles = technique_angles(t)
-    page = technique_page(t, angles, technique_findings(t, angles), videos or {}, variation_of(t))
+    findings, variation = technique_findings(t, angles), variation_of(t, angles.mean)
+    page = technique_page(t, angles, findings, videos or {}, variation)
     (out / "report.html").write_text(page, encoding="utf-8")
     return [out / x for x in ("report.html", "joints.csv", "performances.csv")]
 

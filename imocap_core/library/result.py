@@ -42,9 +42,10 @@ class Result(ActionResult):
     def variation(self) -> Variation:
         """How the performances differ: mean motion, modes of variation with every performance's
         scores, and bands of the joint angles. WorkFailed for fewer than two performances."""
-        from imocap_core.compare.compare import describe, performances_of, several, variation_of
+        from imocap_core.compare import compare
 
-        return variation_of(describe(several(performances_of(self))))
+        technique = compare.describe(compare.several(compare.performances_of(self)))
+        return compare.variation_of(technique, compare.technique_angles(technique).mean)
 
     @plain_errors
     def export(
@@ -133,11 +134,9 @@ def exported(
     announce: Callable[[str], None] = lambda step: None,
 ) -> Exported:
     """The files of `Result.export`, and remarks; announce: called before a slow step."""
-    from imocap_core.export.formats import DEFAULT, check_format, export
+    from imocap_core.export.formats import DEFAULT, export
 
     chosen = options or DEFAULT
-    check_format(format, up)
-    chosen.check(format)
     variation = result.variation if chosen.variation else None
     return export(result, format, out, up, time, chosen, announce, variation)
 

@@ -276,7 +276,7 @@ class NormalEquations:
     def _solved(self, damping: float | Tensor, in_place: bool) -> Float[Tensor, "B T n k"]:
         """Of the frames alone: with the gradient and the border on the right."""
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
-        if not for_lapack(right):
+        if not for_processor(right):
             damped = _damped(self.diagonal.clone(), damping)
             return solve_pentadiagonal(damped, self.next1, self.next2, right)
         added = _addition(self.diagonal.diagonal(dim1=-2, dim2=-1), damping)
@@ -293,8 +293,8 @@ class NormalEquations:
         return right
 
 
-def for_lapack(values: Tensor) -> bool:
-    """Whether LAPACK's routines take them: on a processor, in double precision."""
+def for_processor(values: Tensor) -> bool:
+    """Whether LAPACK and compiled loops take them: on a processor, in double precision."""
     return not values.is_cuda and values.dtype == torch.float64
 
 

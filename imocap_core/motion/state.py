@@ -252,7 +252,7 @@ class MovedPoints:
             target: of all unknowns of a frame, or of the pose alone.
         """
         moves = target.shape[-1] == FRAME_UNKNOWNS
-        if not normal.for_lapack(target):
+        if not normal.for_processor(target):
             left, right = (x.by_frame(moves) for x in (self, later))
             target += left.flatten(2, 3).mT @ (metric @ right).flatten(2, 3)
             return
@@ -262,7 +262,7 @@ class MovedPoints:
 
     def pulled(self, values: Float[Tensor, "B T K 3 m"]) -> Float[Tensor, "B T 75 m"]:
         """``J^T values``."""
-        if not normal.for_lapack(values):
+        if not normal.for_processor(values):
             return self.by_frame(True).flatten(2, 3).mT @ values.flatten(2, 3)
         sums = values.new_zeros(*values.shape[:2], FRAME_UNKNOWNS, values.shape[-1])
         for motion in zip(*(x.numpy() for x in (sums, self.blocks, values)), strict=True):

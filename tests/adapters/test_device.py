@@ -61,7 +61,7 @@ def given(made: Made) -> Given:
 
 @pytest.fixture(autouse=True)
 def the_card_s_elimination_as_lapack_rounds_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(normal, "for_lapack", lambda values: False)
+    monkeypatch.setattr(normal, "for_processor", lambda values: False)
 
 
 def result(stage: Any, given: Given, device: str) -> Artifact:
