@@ -183,7 +183,11 @@ def _in_turn(
         least_rounds=int(begun.moved or is_changed(inputs.get(Redetect))),
     )
     if begun.moved and loop.best == 0:  # its videos or axis are others than the single pass has
-        loop = replace(loop, rounds=[single_pass, *loop.rounds], best=1)
+        first = loop.rounds[0]
+        if first.motion.common is None:  # of another axis
+            motion = begun.problem.recovered(first_sync, first.motion, solving, restart=False)
+            first = replace(first, motion=motion, cost=motion.misfit)
+        loop = replace(loop, rounds=[single_pass, first, *loop.rounds[1:]], best=1)
     return replace(loop, rounds=[single_pass, *loop.rounds[1:]]), begun.problem
 
 

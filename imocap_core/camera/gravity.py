@@ -370,6 +370,14 @@ def sole_heights_m(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float
     return np.asarray((ground.height_m(joints[:, BALLS]) - BALL_ABOVE_SOLE_M).min(axis=1))
 
 
+def lowest_heights_m(
+    joints: Float[np.ndarray, "T 24 3"], ground: Ground
+) -> Float[np.ndarray, " T"]:
+    """Height above the ground of the part that is nearest to it: a sole, or what else may bear."""
+    parts = ground.height_m(joints[:, PARTS]) - PART_RADII_M
+    return np.minimum(sole_heights_m(joints, ground), parts.min(axis=1))
+
+
 def _standing_on(
     joints: Float[np.ndarray, "T 24 3"], fps: float, up: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:

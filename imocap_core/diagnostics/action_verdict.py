@@ -17,6 +17,7 @@ from imocap_core.diagnostics.bodies import (
 from imocap_core.diagnostics.contradictions import (
     behind_findings,
     contradicted_findings,
+    predicted_videos,
     prediction_findings,
 )
 from imocap_core.diagnostics.detection_findings import (
@@ -40,6 +41,7 @@ from imocap_core.diagnostics.timing import (
     repetition_findings,
     timing_findings,
     timing_sentence,
+    used_videos,
 )
 from imocap_core.diagnostics.weak_joints import further_view, least_certain, weak_findings
 
@@ -147,6 +149,7 @@ def verdict_of(
     """
     sync, motion = refined.sync, refined.motion
     videos = {video.id: video for video in keypoints.videos}
+    predicted = predicted_videos([] if claimed is None else claimed.leave_one_out)
     cameras = [] if camera_motion is None else camera_motion.videos
     findings = [
         *left_out_findings(keypoints),
@@ -157,11 +160,11 @@ def verdict_of(
         *hidden_findings(sync, videos),
         *up_findings(motion, sync, cameras),
         *collapse_findings(sync, videos),
-        *timing_findings(sync, keypoints.videos),
+        *timing_findings(sync, keypoints.videos, predicted),
         *repetition_findings(sync),
         *performer_findings(keypoints, camera_motion, refined),
         *([] if claimed is None else prediction_findings(claimed.leave_one_out)),
-        *floor_findings(motion, sync),
+        *floor_findings(motion, sync, cameras),
         *behind_findings(motion, videos),
         *speed_findings(motion.videos, videos),
         *body_findings(motion, sync, videos),
@@ -176,12 +179,15 @@ def verdict_of(
     ]
     findings.sort(key=lambda f: ORDER.index(f.kind))
     fps, left_out = videos[sync.reference].fps, len(keypoints.left_out or ())
-    timing = timing_sentence(sync, fps, left_out)
+    timing = timing_sentence(sync, fps, left_out, predicted)
     if refined.event is not None:
         timing = event_sentence(refined.event, fps, left_out)
     clause = "" if len(sync.ids) - len(sync.excluded) == 1 else view_clause(motion, sync)
     timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
     apart_s = disagreement_s(sync) if refined.event is None else None
+    is_predicted = predicted >= set(used_videos(sync))
+    if is_predicted and (apart_s or 0) > DOUBTFUL_S:
+        apart_s = None
     return Verdict(
         summary_of(
             said_first(timing, findings, len(videos)),
@@ -192,5 +198,5 @@ def verdict_of(
         ),
         tuple(findings),
         apart_s,
-        refined.event is not None or apart_s is not None,
+        refined.event is not None or apart_s is not None or is_predicted,
     )

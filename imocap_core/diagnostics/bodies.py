@@ -28,7 +28,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body.layouts import layout_names
-from imocap_core.camera.gravity import sole_heights_m
+from imocap_core.camera.gravity import lowest_heights_m, sole_heights_m
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import EVAL_INDICES, LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.diagnostics.contradictions import forbidden_advice, limbs_px, person_size
@@ -323,8 +323,10 @@ def feet_findings(
 ) -> list[Finding]:
     """Feet that stand still in the picture and move in space."""
     warped = {camera.id: camera.xy_first_px for camera in cameras}
-    findings = []
+    lost, findings = lost_cameras(cameras), []
     for motion in motions:
+        if motion.id in lost:
+            continue
         video = videos[motion.id]
         names, size = layout_names(video.layout), person_size(limbs_px(video))
         xy = warped.get(video.id, video.xy_px)
@@ -382,14 +384,21 @@ def up_findings(
     return [Finding("up", "", text, why, subject="which way is up")]
 
 
-def floor_findings(motion: SmplBa, sync: SyncSummary) -> list[Finding]:
+def lost_cameras(cameras: Sequence[VideoCameraMotion]) -> set[str]:
+    """Cameras that move on an unknown path: where their performer stands is not known either."""
+    return {c.id for c in cameras if c.motion == "translating" and not len(c.path)}
+
+
+def floor_findings(
+    motion: SmplBa, sync: SyncSummary, cameras: Sequence[VideoCameraMotion]
+) -> list[Finding]:
     """Videos whose performer stands below the floor, or never reaches it."""
     if motion.ground is None:
         return []
     ground, R_t = ground_of(motion.ground), {c.id: (c.R, c.t) for c in motion.cameras}
-    findings = []
+    unknown, findings = {*sync.excluded, *lost_cameras(cameras)}, []
     for video in motion.videos:
-        if video.id in sync.excluded:
+        if video.id in unknown:
             continue
         R, t = R_t[video.id]
         low, high = floor_misses_mm((video.joints - t) @ R, ground)
@@ -408,12 +417,14 @@ def floor_findings(motion: SmplBa, sync: SyncSummary) -> list[Finding]:
 
 
 def floor_misses_mm(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> tuple[float, float]:
-    """How far the lower sole is below the ground at its lowest, and above it at its lowest, each
-    but for one frame of 20 and two standard deviations of the ground's height."""
-    lower = 1000 * sole_heights_m(joints, ground)
+    """How far the lower sole is below the ground at its lowest, and the lowest part of the body
+    above it, each but for one frame of 20 and two standard deviations of the ground's height."""
     allowed = 2 * np.nan_to_num(ground.height_sd_mm, nan=np.inf)
-    lowest = float(np.nanquantile(lower, 1 - OFTEN))
-    return -lowest - allowed, lowest - allowed
+    sole, part = (
+        1000 * float(np.nanquantile(heights_m(joints, ground), 1 - OFTEN))
+        for heights_m in (sole_heights_m, lowest_heights_m)
+    )
+    return -sole - allowed, part - allowed
 
 
 def speed_findings(

@@ -56,9 +56,10 @@ def _lost(camera: VideoCameraMotion) -> Finding:
     return Finding(
         "camera",
         camera.id,
-        f"the camera moves from its place, and its path is unknown ({why})",
+        f"the camera moves from its place, and its path is unknown ({why}); its performer's place "
+        "in the world is unreliable, and counts less than the others'",
         "the camera moves",
-        "its performer's place in the world is unreliable, and counts less than the others'",
+        subject=f"the path of {camera.id}",
     )
 
 

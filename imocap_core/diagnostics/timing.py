@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,10 +43,17 @@ def disagreement_s(sync: SyncSummary) -> float | None:
     return float(max(medians)) if medians else None
 
 
-def timing_sentence(sync: SyncSummary, fps: float, left_out: int = 0) -> str:
+def used_videos(sync: SyncSummary) -> list[str]:
+    """The videos that take part."""
+    return [i for i in sync.ids if i not in sync.excluded]
+
+
+def timing_sentence(
+    sync: SyncSummary, fps: float, left_out: int = 0, predicted: Set[str] = frozenset()
+) -> str:
     """How well the videos are synchronised; fps: of the reference; left_out: the number of videos
-    that could not be used."""
-    used = [i for i in sync.ids if i not in sync.excluded]
+    that could not be used; predicted: `predicted_videos`."""
+    used = used_videos(sync)
     if len(used) == 1:
         alone = "One video" if len(sync.ids) == 1 else f"Only {used[0]} is used"
         return (
@@ -56,9 +63,12 @@ def timing_sentence(sync: SyncSummary, fps: float, left_out: int = 0) -> str:
     every = np.concatenate([m.reference_frame for m in maps_of_others(sync)])
     matched = float(np.isfinite(every).mean())
     if len(used) == 2:
+        check = "with two videos nothing checks the timing"
+        if predicted >= set(used):
+            check = "each is predicted by the other's motion"
         return (
             f"{listed(used)} are matched in {matched:.0%} of their frames"
-            f"{repetition_clause(sync)}; with two videos nothing checks the timing."
+            f"{repetition_clause(sync)}; {check}."
         )
     declared = len(sync.ids) + left_out
     count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
@@ -66,11 +76,16 @@ def timing_sentence(sync: SyncSummary, fps: float, left_out: int = 0) -> str:
     if apart_s is None:
         return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
     size = f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
+    checked = f"their matches agree with one another within {size}"
     if apart_s > DOUBTFUL_S:
-        return f"The timing is doubtful: the matches of {count} contradict each other by {size}."
+        if not predicted >= set(used):
+            return (
+                f"The timing is doubtful: the matches of {count} contradict each other by {size}."
+            )
+        checked = "each is predicted by the others' motion"
     return (
-        f"{count} are synchronised: their matches agree with one another within {size}, and "
-        f"{matched:.0%} of the frames have a counterpart{repetition_clause(sync)}."
+        f"{count} are synchronised: {checked}, and {matched:.0%} of the frames have a counterpart"
+        f"{repetition_clause(sync)}."
     )
 
 
@@ -79,14 +94,19 @@ def maps_of_others(sync: SyncSummary) -> list[SyncMap]:
     return [m for m in sync.maps if m.id != sync.reference and m.id not in sync.excluded]
 
 
-def timing_findings(sync: SyncSummary, videos: Sequence[VideoKeypoints]) -> list[Finding]:
+def timing_findings(
+    sync: SyncSummary, videos: Sequence[VideoKeypoints], predicted: Set[str]
+) -> list[Finding]:
     """Videos whose timing is contradicted, hardly matched, or uncertain for a while."""
     by_id = {video.id: video for video in videos}
     trusts = {} if sync.trust is None else {v.id: v for v in sync.trust.videos}
     findings = []
     for sync_map in maps_of_others(sync):
-        whole = _of_video(sync_map, trusts.get(sync_map.id), sync.reference)
-        findings += whole or _of_spans(sync_map, by_id[sync_map.id])
+        is_predicted = sync_map.id in predicted
+        trust = None if is_predicted else trusts.get(sync_map.id)
+        whole = _of_video(sync_map, trust, sync.reference)
+        spans = _of_spans(sync_map, by_id[sync_map.id])
+        findings += whole or [f for f in spans if not (is_predicted and f.serious)]
     return findings
 
 

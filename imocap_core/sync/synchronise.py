@@ -24,6 +24,7 @@ from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.rate import playback_rates
 
 Part = TypeVar("Part")
+LEAST_SHOWN = 0.9  # of the reference's frames: what lies between them is a guess, and all go by it
 
 
 def synchronise(
@@ -53,12 +54,22 @@ def synchronise(
         screening = _screening_of(evidence, rates, params)
     used = [v for v in range(len(evidence.poses)) if v not in screening.excluded]
     eligible = [
-        v not in screening.flipped and bool(rates[v] == 1.0) and not pictures[v].repeated
+        v not in screening.flipped
+        and bool(rates[v] == 1.0)
+        and not pictures[v].repeated
+        and _shown_share(evidence, v) >= LEAST_SHOWN
         for v in used
     ]
     upright = replace(evidence, rates=rates).reflected(screening.flipped).among(used)
     joint = synchronise_jointly(upright, params, rng, eligible)
     return of_all_frames(_of_all_videos(joint, used, evidence.lengths, screening), pictures)
+
+
+def _shown_share(evidence: SyncEvidence, v: int) -> float:
+    """Share of a video's frames in which anything of the person is detected."""
+    if evidence.confidence is None:
+        return 1.0
+    return float((evidence.confidence[v] > 0).any(axis=1).mean())
 
 
 def screened(evidence: SyncEvidence, params: SyncParams) -> Screening:

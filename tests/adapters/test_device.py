@@ -66,14 +66,10 @@ def the_card_s_elimination_as_lapack_rounds_otherwise(monkeypatch: pytest.Monkey
 
 def result(stage: Any, given: Given, device: str) -> Artifact:
     context = SimpleNamespace(
-        device=device,
-        progress=lambda share, text: None,
-        event=lambda: False,
-        hints=lambda: ((), ()),
-        mirrored=lambda: {"v1": None, "v2": True},
-        action_file=lambda: None,
-        rng=lambda: np.random.default_rng(5),
-    )
+        device=device, progress=lambda share, text: None, event=lambda: False,
+        hints=lambda: ((), ()), mirrored=lambda: {"v1": None, "v2": True},
+        action_file=lambda: None, rng=lambda: np.random.default_rng(5),
+    )  # fmt: skip
     inputs = Inputs(stage.__name__, {}, dict(given))
     done: Artifact = stage.run(context, inputs, QUICK)
     return done

@@ -180,13 +180,9 @@ def test_the_body_has_the_keypoints_of_the_remaining_videos() -> None:
     )
     sync = made.sync.model_copy(update={"excluded": ["v3"]})
     problem = problem_of(
-        Keypoints(videos=[*rest, other]),
-        made.camera_motion,
-        made.initial,
-        sync,
-        params.fit,
+        Keypoints(videos=[*rest, other]), made.camera_motion, made.initial, sync, params.fit,
         params.motion,
-    )
+    )  # fmt: skip
     body, state = problem.scene.body, problem.solution(made.single).state
     projected = body.positions(body.keypoints, state)
     assert {o.xy_px.shape[1] for o in problem.scene.observations} == {projected.shape[2]}

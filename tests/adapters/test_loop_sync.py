@@ -21,7 +21,7 @@ from imocap_core.adapters.loop_sync import (
 from imocap_core.adapters.participants import mirrored_keypoints
 from imocap_core.adapters.synchronisation import evidence_of, summary_of
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncSummary, SyncTrust
-from imocap_core.motion.multiview.alternation import LoopRound
+from imocap_core.motion.multiview.alternation import Alternation, LoopRound
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.state import mirrored_joints
 from imocap_core.params import Params, SyncParams
@@ -172,6 +172,22 @@ def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
 
 
 @pytest.mark.long
+def test_a_beginning_on_the_new_axis_that_stays_best_has_a_common_motion(
+    made, choose, monkeypatch, tmp_path
+):
+    choose(2)
+    monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
+    monkeypatch.setattr(
+        refine_sync,
+        "alternate",
+        lambda begin, steps, **_: Alternation([begin], 0, steps.first_sync(), ""),
+    )
+    result = refine_sync.run(context(tmp_path), inputs_of(made, made.sync), QUICK)
+    assert (result.best, result.motion.reference) == (1, "v3")
+    assert result.motion.common is not None
+
+
+@pytest.mark.long
 def test_the_stage_solves_again_with_a_video_that_was_left_out(made, monkeypatch, tmp_path):
     monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
     notes = ["v3 seems to show another action"]
@@ -195,15 +211,9 @@ def sync(frames: list[float], confidence: list[float]) -> Sync:
     identity = SyncMap(id="a", reference_frame=np.arange(4.0), confidence=np.ones(4))
     other = SyncMap(id="b", reference_frame=np.array(frames), confidence=np.array(confidence))
     return Sync(
-        reference="a",
-        ids=["a", "b"],
-        lengths=[4, 4],
-        maps=[identity, other],
-        method="softmap",
-        centrality=np.ones(2),
-        status="made",
-        **stored_matrix(np.eye(8), ["a", "b"], [4, 4]),
-    )
+        reference="a", ids=["a", "b"], lengths=[4, 4], maps=[identity, other], method="softmap",
+        centrality=np.ones(2), status="made", **stored_matrix(np.eye(8), ["a", "b"], [4, 4]),
+    )  # fmt: skip
 
 
 FIRST = sync([0.0, np.nan, 2.0, 3.0], [0.5, 0.0, 0.7, 0.9])

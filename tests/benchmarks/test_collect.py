@@ -73,11 +73,6 @@ def test_missed_and_false_boundaries_are_counted() -> None:
 
 def _listed(first: int, stop: int) -> ListedShot:
     return ListedShot(
-        number=1,
-        frames=(first, stop),
-        seconds=(0, 1),
-        begins="cut",
-        ends="cut",
-        people=0,
+        number=1, frames=(first, stop), seconds=(0, 1), begins="cut", ends="cut", people=0,
         outcome="",
-    )
+    )  # fmt: skip

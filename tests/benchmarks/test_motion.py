@@ -250,14 +250,9 @@ def test_exit_codes(words, code, message, tmp_path, monkeypatch, capsys):
 def summary(reference: str = "b") -> SyncSummary:
     maps = [SyncMap(id=i, reference_frame=np.zeros(n), confidence=np.ones(n)) for i, n in LENGTHS]
     return SyncSummary(
-        reference=reference,
-        ids=[i for i, _ in LENGTHS],
-        lengths=[n for _, n in LENGTHS],
-        maps=maps,
-        method="softmap",
-        centrality=np.ones(2),
-        status="",
-    )
+        reference=reference, ids=[i for i, _ in LENGTHS], lengths=[n for _, n in LENGTHS],
+        maps=maps, method="softmap", centrality=np.ones(2), status="",
+    )  # fmt: skip
 
 
 LENGTHS = [("a", 4), ("b", 3)]

@@ -48,15 +48,9 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
     floor = 0.12
     filmed = rendered_action.FilmedMotion(
-        RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
-        captured - [0, 0, floor],
-        np.eye(3),
-        np.eye(3),
-        np.array([0.0, 0.0, 4.0]),
-        (64, 48),
-        0.0,
-        floor,
-    )
+        RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))), captured - [0, 0, floor],
+        np.eye(3), np.eye(3), np.array([0.0, 0.0, 4.0]), (64, 48), 0.0, floor,
+    )  # fmt: skip
     truth = _with_body_joints(shot, filmed).truth("v1", filmed.K, filmed.R, filmed.t)
     assert np.allclose(truth["v1/joints"], captured @ turn.T + shift)
     in_camera = truth["v1/joints"] @ truth["v1/R"].T + truth["v1/t"]

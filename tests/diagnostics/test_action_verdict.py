@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
     EventCameras,
     Keypoints,
     LeftOutVideo,
+    PredictedVideo,
     RefineSync,
     SwappedSides,
     SyncTrust,
@@ -23,7 +24,12 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.diagnostics.action_verdict import distrust, verdict_of, without_consequences
-from imocap_core.diagnostics.contradictions import LIMBS, contradicted_findings
+from imocap_core.diagnostics.contradictions import (
+    LIMBS,
+    PREDICTED,
+    PREDICTED_SHARE,
+    contradicted_findings,
+)
 from imocap_core.diagnostics.findings import (
     SENTENCES,
     Finding,
@@ -101,6 +107,25 @@ def test_contradicting_times_are_doubted(made: Made) -> None:
     assert verdict.summary[0].startswith("The timing is doubtful")
     assert "200 ms" in verdict.summary[0]
     assert verdict.level == "doubt"
+
+
+@pytest.mark.parametrize(("error", "near"), [(0.03, 0.95), (0.06, 0.95), (0.03, 0.8)])
+def test_times_by_which_the_pictures_are_predicted_are_right(
+    made: Made, error: float, near: float
+) -> None:
+    rows = [
+        PredictedVideo(
+            id=i, error_share=error, near_share=near, monocular_error_share=0.02, frames=9
+        )
+        for i in made.ids
+    ]
+    claimed = made.claimed.model_copy(update={"leave_one_out": rows})
+    refined = with_sync(made, trust=trusted(made, left_out_s=2 * DOUBTFUL_S))
+    verdict = verdict_of(made.keypoints, made.camera_motion, refined, claimed)
+    is_right = error <= PREDICTED and near >= PREDICTED_SHARE
+    assert ("predicted by the others' motion" in verdict.summary[0]) == is_right
+    assert verdict.summary[0].startswith("The timing is doubtful") != is_right
+    assert verdict.level == ("good" if is_right else "doubt")
 
 
 def repeating(made: Made, ratio: float) -> SyncTrust:

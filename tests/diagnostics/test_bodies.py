@@ -14,6 +14,7 @@ from imocap_core.diagnostics.bodies import (
     TILT_SD_DEG,
     PlacedBody,
     floor_findings,
+    floor_misses_mm,
     outlying_bodies,
     slides,
     speed_findings,
@@ -176,8 +177,19 @@ def test_an_uncertain_up_is_doubtful() -> None:
 )
 def test_soles_off_the_floor_are_named(sunk_mm: float, brief: str | None) -> None:
     made = Made(1)
-    findings = floor_findings(standing(made, sunk_mm=sunk_mm), made.refined.sync)
+    motion, cameras = standing(made, sunk_mm=sunk_mm), made.camera_motion.videos
+    findings = floor_findings(motion, made.refined.sync, cameras)
     assert [f.brief for f in findings] == ([] if brief is None else [brief])
+    lost = [c.model_copy(update={"motion": "translating"}) for c in cameras]
+    assert not floor_findings(motion, made.refined.sync, lost)
+
+
+def test_who_sits_is_not_above_the_floor() -> None:
+    joints = np.zeros((9, 24, 3)) + [0.0, -0.6, 3.0]
+    floor = Ground(np.array([0.0, -1.0, 0.0]), np.zeros(3), 2.0, 5.0)
+    assert floor_misses_mm(joints, floor)[1] > OFF_FLOOR_MM
+    joints[:, [SMPL_JOINTS.index(f"{side}_hip") for side in ("left", "right")], 1] = -0.1
+    assert floor_misses_mm(joints, floor)[1] < OFF_FLOOR_MM
 
 
 def test_only_what_nobody_does_is_too_fast() -> None:

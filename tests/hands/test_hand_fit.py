@@ -17,19 +17,10 @@ from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))
 PARAMS = HandsParams(
-    robust_scale_sigma=4.0,
-    wrist_rad=0.8,
-    offset_m=0.04,
-    pose_prior=0.3,
-    limit_rad=0.05,
-    coupling_rad=0.15,
-    agreement_rad=0.5,
-    acceleration_rad_s2=40.0,
-    offset_acceleration_m_s2=4.0,
-    size_spread=0.15,
-    stride_s=0.2,
-    max_steps=15,
-)
+    robust_scale_sigma=4.0, wrist_rad=0.8, offset_m=0.04, pose_prior=0.3, limit_rad=0.05,
+    coupling_rad=0.15, agreement_rad=0.5, acceleration_rad_s2=40.0, offset_acceleration_m_s2=4.0,
+    size_spread=0.15, stride_s=0.2, max_steps=15,
+)  # fmt: skip
 FRAMES, FPS, NOISE_PX = 30, 15.0, 1.0
 K = torch.tensor([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]], dtype=torch.float64)
 

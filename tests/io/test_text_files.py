@@ -20,13 +20,9 @@ from tests.io.made_clips import made_clip
 
 R = Rotation.from_rotvec([0.3, -1.2, 0.4]).as_matrix()
 CAMERA = CameraCalibration(
-    "cam 1",
-    (1080, 1920),
-    np.array([[1700.5, 0, 539.5], [0, 1700.5, 959.5], [0, 0, 1]]),
-    R,
-    np.array([0.1, -0.2, 4.0]),
-    (-0.05,),
-)
+    "cam 1", (1080, 1920), np.array([[1700.5, 0, 539.5], [0, 1700.5, 959.5], [0, 0, 1]]), R,
+    np.array([0.1, -0.2, 4.0]), (-0.05,),
+)  # fmt: skip
 
 
 def test_calib_toml_is_what_pose2sim_reads(tmp_path: Path) -> None:

@@ -76,6 +76,20 @@ def test_another_time_is_predicted_worse(made: Made) -> None:
     assert wrong > 3 * right
 
 
+def test_of_a_camera_on_an_unknown_path_poses_alone_are_predicted(made: Made) -> None:
+    plain = whole(made)
+    xyz_m = points_at_video_frames(plain, made.state, VIDEO)
+    o, time = plain.observations[VIDEO], np.arange(FRAMES)[:, None, None]
+    observations = list(plain.observations)
+    observations[VIDEO] = replace(o, xy_px=(1 + 0.01 * time) * o.xy_px + 5.0 * time)
+    moved = replace(plain, observations=observations)
+    before = resected_prediction(plain, xyz_m, made.cameras(), VIDEO).median
+    on_one_spot = resected_prediction(moved, xyz_m, made.cameras(), VIDEO).median
+    observations[VIDEO] = replace(observations[VIDEO], place_sd_m=np.ones(FRAMES))
+    assert on_one_spot > 3 * before
+    assert resected_prediction(moved, xyz_m, made.cameras(), VIDEO).median < 3 * before
+
+
 def test_a_limb_that_is_hidden_is_compared_and_nothing_else(made: Made) -> None:
     plain = whole(made)
     limb = stretches(FRAMES, 30.0) % len(HIDDEN_LIMBS)

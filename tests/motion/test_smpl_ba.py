@@ -24,15 +24,9 @@ from imocap_core.rotations import exp
 from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
 
 OPTIONS = MotionParams(
-    objective="shared",
-    rank=1,
-    rounds=2,
-    coupling_rad=0.1,
-    coupling_path_m=0.3,
-    agreement_rad=0.35,
-    correlation_s=0.25,
-    max_steps=6,
-)
+    objective="shared", rank=1, rounds=2, coupling_rad=0.1, coupling_path_m=0.3,
+    agreement_rad=0.35, correlation_s=0.25, max_steps=6,
+)  # fmt: skip
 
 
 OTHERS = [pytest.param(objective, marks=pytest.mark.long) for objective in ("paper", "single")]

@@ -12,25 +12,12 @@ from imocap_core.params import SyncParams
 from imocap_core.sync import SyncEvidence, SyncResult, axes, reference, synchronise
 
 PARAMS = SyncParams(
-    affinity="reciprocal",
-    method="softmap",
-    rounds=2,
-    warp="posterior",
-    consensus_rounds=5,
-    orientation_window_s=1.0,
-    evidence_per_s=15.0,
-    unmatched_level=1.0,
-    regularity=0.5,
-    rate_spread=0.7,
-    rate_persistence_s=1.0,
-    positions_per_frame=4,
-    max_rate=np.inf,
-    confidence_reach_s=0.1,
-    normalise_scale=True,
-    least_difference_m=0.04,
-    outliers="exclude",
+    affinity="reciprocal", method="softmap", rounds=2, warp="posterior", consensus_rounds=5,
+    orientation_window_s=1.0, evidence_per_s=15.0, unmatched_level=1.0, regularity=0.5,
+    rate_spread=0.7, rate_persistence_s=1.0, positions_per_frame=4, max_rate=np.inf,
+    confidence_reach_s=0.1, normalise_scale=True, least_difference_m=0.04, outliers="exclude",
     mirrored="flip",
-)
+)  # fmt: skip
 FPS = 30.0
 FOUR_FPS = 15.0  # of `four_phases`: shorter runs than with 30
 
@@ -89,6 +76,14 @@ def run(poses: Sequence[np.ndarray], params: SyncParams = PARAMS, **given):
 def run_four(poses: Sequence[np.ndarray], params: SyncParams = PARAMS, **given):
     """`run` of videos with as many frames a second as `four_phases`."""
     return run(poses, params, fps=[FOUR_FPS] * len(poses), **given)
+
+
+def of_four_chosen(poses: Sequence[np.ndarray], lost: Sequence[int]) -> int:
+    """The reference that is chosen where a fifth of the frames of some videos show nobody."""
+    confidence = [np.ones(x.shape[:2]) for x in poses]
+    for v in lost:
+        confidence[v][: len(confidence[v]) // 5] = 0.0
+    return run_four(poses, confidence=confidence).reference
 
 
 @cache
@@ -157,6 +152,13 @@ def test_a_hold_is_crossed_evenly() -> None:
     assert np.abs(f - np.arange(180.0))[60:120].max() < 8
     assert np.diff(f)[65:115].max() < 3
     assert result.confidence[1][70:110].mean() < result.confidence[1][10:50].mean()
+
+
+def test_a_video_whose_person_is_often_lost_is_no_reference() -> None:
+    poses, rng = four_phases(), np.random.default_rng(5)
+    poses = [estimated(p, rng) for p in poses]
+    chosen = of_four_chosen(poses, lost=())
+    assert of_four_chosen(poses, lost=(chosen,)) != chosen
 
 
 @LONG

@@ -180,7 +180,27 @@ def prediction_of(
     if not camera.ok:
         return Prediction(np.full(weight.shape, np.nan), np.zeros_like(weight))
     xy_px = project_camera(xyz_m @ camera.R.T + camera.t, K)
+    if observation.place_sd_m is not None:
+        xy_px = _in_place(xy_px, observation.xy_px, weight)
     return _compared(observation, xy_px, np.where(tested[:, None], weight, 0.0))
+
+
+def _in_place(
+    xy_px: Float[np.ndarray, "T K 2"],
+    target_px: Float[np.ndarray, "T K 2"],
+    weight: Float[np.ndarray, "T K"],
+) -> Float[np.ndarray, "T K 2"]:
+    """Predictions moved and scaled, frame by frame, to the keypoints' weighted centre and spread:
+    where a camera's path is not known, its performer's place and size in the picture are not."""
+    share = (weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9))[..., None]
+    moved, target = (np.where(share > 0, x, 0.0) for x in (xy_px, target_px))
+    centres = [(share * x).sum(axis=1, keepdims=True) for x in (moved, target)]
+    spreads = [
+        np.sqrt((share * (x - c) ** 2).sum(axis=(1, 2), keepdims=True))
+        for x, c in zip((moved, target), centres, strict=True)
+    ]
+    scale = spreads[1] / np.maximum(spreads[0], 1e-9)
+    return np.asarray(centres[1] + scale * (xy_px - centres[0]))
 
 
 def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:

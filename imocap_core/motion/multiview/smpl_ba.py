@@ -27,7 +27,7 @@ from imocap_core.motion.multiview.low_rank import (
     mean_shapes,
 )
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
-from imocap_core.motion.multiview.repair import relocalise, with_sides_of_others
+from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene, cameras_from_motion
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.state import MotionState
@@ -172,7 +172,6 @@ def _recovered(
     progress("coupled fit 1 of 1")  # only a start for the common fit
     few = replace(options, max_steps=min(START_STEPS, options.max_steps))
     state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
-    state, cameras = relocalise(scene, state, cameras, options.agreement_rad)
     scene = with_sides_of_others(scene, state, cameras)
     result = common_then_deviations(scene, state, cameras, options, progress)
     return replace(result, costs=[cost, *result.costs])
