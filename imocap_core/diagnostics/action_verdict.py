@@ -184,10 +184,8 @@ def verdict_of(
         timing = event_sentence(refined.event, fps, left_out)
     clause = "" if len(sync.ids) - len(sync.excluded) == 1 else view_clause(motion, sync)
     timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
-    apart_s = disagreement_s(sync) if refined.event is None else None
+    apart_s = disagreement_s(sync, predicted) if refined.event is None else None
     is_predicted = predicted >= set(used_videos(sync))
-    if is_predicted and (apart_s or 0) > DOUBTFUL_S:
-        apart_s = None
     return Verdict(
         summary_of(
             said_first(timing, findings, len(videos)),

@@ -33,14 +33,20 @@ UNCERTAIN = 0.5  # confidence
 LEAST_S = 0.5
 
 
-def disagreement_s(sync: SyncSummary) -> float | None:
-    """Median over the videos' round trips and left-out differences; None without a third video."""
-    if sync.trust is None or len(sync.ids) - len(sync.excluded) < 3:
+def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
+    """Median over the videos' round trips and left-out differences, where that is doubtful over
+    those of videos that are not `predicted_videos`; None without any, or a third video."""
+    if sync.trust is None or len(used_videos(sync)) < 3:
         return None
-    trips = [t.seconds for t in sync.trust.triples]
-    left_out = [v.left_out_s for v in sync.trust.videos]
-    medians = [np.median(x) for x in (_finite(trips), _finite(left_out)) if len(x)]
-    return float(max(medians)) if medians else None
+    apart_s = None
+    for right in (frozenset(), predicted):
+        trips = [t.seconds for t in sync.trust.triples if len(set(t.videos) - right) > 1]
+        left_out = [v.left_out_s for v in sync.trust.videos if v.id not in right]
+        medians = [np.median(x) for x in (_finite(trips), _finite(left_out)) if len(x)]
+        apart_s = float(max(medians)) if medians else None
+        if apart_s is None or apart_s <= DOUBTFUL_S:
+            break
+    return apart_s
 
 
 def used_videos(sync: SyncSummary) -> list[str]:
@@ -51,8 +57,7 @@ def used_videos(sync: SyncSummary) -> list[str]:
 def timing_sentence(
     sync: SyncSummary, fps: float, left_out: int = 0, predicted: Set[str] = frozenset()
 ) -> str:
-    """How well the videos are synchronised; fps: of the reference; left_out: the number of videos
-    that could not be used; predicted: `predicted_videos`."""
+    """How well the videos are synchronised; fps: of the reference; left_out: videos not usable."""
     used = used_videos(sync)
     if len(used) == 1:
         alone = "One video" if len(sync.ids) == 1 else f"Only {used[0]} is used"
@@ -72,15 +77,15 @@ def timing_sentence(
         )
     declared = len(sync.ids) + left_out
     count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
-    apart_s = disagreement_s(sync)
-    if apart_s is None:
-        return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
-    size = f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
+    apart_s = disagreement_s(sync, predicted)
+    size = "" if apart_s is None else f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
+    if (apart_s or 0) > DOUBTFUL_S:
+        return f"The timing is doubtful: the matches of {count} contradict each other by {size}."
     checked = f"their matches agree with one another within {size}"
-    if apart_s > DOUBTFUL_S:
+    if apart_s is None:
         if not predicted >= set(used):
             return (
-                f"The timing is doubtful: the matches of {count} contradict each other by {size}."
+                f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
             )
         checked = "each is predicted by the others' motion"
     return (

@@ -67,9 +67,8 @@ def synchronise(
 
 def _shown_share(evidence: SyncEvidence, v: int) -> float:
     """Share of a video's frames in which anything of the person is detected."""
-    if evidence.confidence is None:
-        return 1.0
-    return float((evidence.confidence[v] > 0).any(axis=1).mean())
+    confidence = evidence.confidence
+    return 1.0 if confidence is None else float((confidence[v] > 0).any(axis=1).mean())
 
 
 def screened(evidence: SyncEvidence, params: SyncParams) -> Screening:

@@ -193,14 +193,12 @@ def _in_place(
     """Predictions moved and scaled, frame by frame, to the keypoints' weighted centre and spread:
     where a camera's path is not known, its performer's place and size in the picture are not."""
     share = (weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9))[..., None]
-    moved, target = (np.where(share > 0, x, 0.0) for x in (xy_px, target_px))
-    centres = [(share * x).sum(axis=1, keepdims=True) for x in (moved, target)]
-    spreads = [
-        np.sqrt((share * (x - c) ** 2).sum(axis=(1, 2), keepdims=True))
-        for x, c in zip((moved, target), centres, strict=True)
-    ]
-    scale = spreads[1] / np.maximum(spreads[0], 1e-9)
-    return np.asarray(centres[1] + scale * (xy_px - centres[0]))
+    spread, about = [], []
+    for x in (np.where(share > 0, target_px, 0.0), np.where(share > 0, xy_px, 0.0)):
+        about.append((share * x).sum(axis=1, keepdims=True))
+        square = (share * (x - about[-1]) ** 2).sum(axis=(1, 2), keepdims=True)
+        spread.append(np.sqrt(np.maximum(square, 1e-18)))
+    return np.asarray(about[0] + spread[0] / spread[1] * (xy_px - about[1]))
 
 
 def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
