@@ -192,14 +192,12 @@ def _distances(
 
 FAR = 0.1  # median error, of the height: as long as a hand
 WORSE = 2.0  # times the error of limbs hidden from the video's own monocular fit
-
 PREDICTED = 0.05  # median error, of the height, and share of the keypoints within `FAR`
 PREDICTED_SHARE = 0.9
 
 
 def predicted_videos(predicted: Sequence[PredictedVideo]) -> frozenset[str]:
-    """Videos whose pictures the other videos' motion predicts at its matched moments: these are
-    right, even where monocular poses alone contradict each other."""
+    """Videos whose pictures the others' motion predicts: their matches are right."""
     return frozenset(
         p.id for p in predicted if p.error_share <= PREDICTED and p.near_share >= PREDICTED_SHARE
     )

@@ -38,7 +38,6 @@ def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     those of videos that are not `predicted_videos`; None without any, or a third video."""
     if sync.trust is None or len(used_videos(sync)) < 3:
         return None
-    apart_s = None
     for right in (frozenset(), predicted):
         trips = [t.seconds for t in sync.trust.triples if len(set(t.videos) - right) > 1]
         left_out = [v.left_out_s for v in sync.trust.videos if v.id not in right]

@@ -155,8 +155,7 @@ def test_a_hold_is_crossed_evenly() -> None:
 
 
 def test_a_video_whose_person_is_often_lost_is_no_reference() -> None:
-    poses, rng = four_phases(), np.random.default_rng(5)
-    poses = [estimated(p, rng) for p in poses]
+    poses = [estimated(p, np.random.default_rng(5)) for p in four_phases()]
     chosen = of_four_chosen(poses, lost=())
     assert of_four_chosen(poses, lost=(chosen,)) != chosen
 

@@ -39,6 +39,7 @@ STEPS = 3  # Gauss-Newton steps from the solution with all videos, or with all l
 STRETCH_S = 0.5
 LEAST_STRETCHES = 4  # of a short video, whose stretches are shorter
 NEAR = 0.1  # error, as a share of the height, below which a keypoint is predicted
+_LARGEST_PATH_SD_M = 0.04  # of performances that go the same way
 CAMERA_SCALE = 0.05  # Geman-McClure scale of the resection, as a share of the height
 # Hidden in this order, a stretch each, so that a limb is seen before and after
 HIDDEN_LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
@@ -95,7 +96,8 @@ def predicted_by_others(
     for v in range(len(scene.observations)):
         others = motion_of_others(scene, common, motion.cameras, spread, v, options)
         xyz_m = points_at_video_frames(scene, others, v)
-        predictions.append(resected_prediction(scene, xyz_m, motion.cameras, v))
+        path_sd_m = float(spread.offset_sd[v, 3:].max())
+        predictions.append(resected_prediction(scene, xyz_m, motion.cameras, v, path_sd_m))
     return predictions
 
 
@@ -144,15 +146,18 @@ def points_at_video_frames(scene: Scene, others: MotionState, v: int) -> Float[n
 
 
 def resected_prediction(
-    scene: Scene, xyz_m: Float[np.ndarray, "T K 3"], cameras: Cameras, v: int
+    scene: Scene, xyz_m: Float[np.ndarray, "T K 3"], cameras: Cameras, v: int, path_sd_m: float
 ) -> Prediction:
     """Keypoints of a video predicted from points in the world, its camera resected.
 
     Args:
-        xyz_m: at the video's frames, NaN where unknown; cameras: where the resection starts.
+        xyz_m: at the video's frames, NaN where unknown; cameras: where the resection starts;
+            path_sd_m: deviation of the performer's path from the others'.
     """
     R, t, K = (x[v].cpu().numpy() for x in (cameras.R, cameras.t, cameras.K))
     observation, _ = from_one_place(scene.observations[v], xyz_m @ R.T + t)
+    if path_sd_m > _LARGEST_PATH_SD_M:
+        observation = replace(observation, place_sd_m=np.full(len(xyz_m), path_sd_m))
     weight = observation.confidence * point_shares(scene.body.keypoints.names)
     return prediction_of(observation, xyz_m, weight, K, R)
 
@@ -191,14 +196,12 @@ def _in_place(
     weight: Float[np.ndarray, "T K"],
 ) -> Float[np.ndarray, "T K 2"]:
     """Predictions moved and scaled, frame by frame, to the keypoints' weighted centre and spread:
-    where a camera's path is not known, its performer's place and size in the picture are not."""
+    where camera or performer go another way, place and size in the picture are no one else's."""
     share = (weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9))[..., None]
-    spread, about = [], []
-    for x in (np.where(share > 0, target_px, 0.0), np.where(share > 0, xy_px, 0.0)):
-        about.append((share * x).sum(axis=1, keepdims=True))
-        square = (share * (x - about[-1]) ** 2).sum(axis=(1, 2), keepdims=True)
-        spread.append(np.sqrt(np.maximum(square, 1e-18)))
-    return np.asarray(about[0] + spread[0] / spread[1] * (xy_px - about[1]))
+    both = np.where(share > 0, np.stack([target_px, xy_px]), 0.0)
+    about = (share * both).sum(axis=2, keepdims=True)
+    spread = np.sqrt((share * (both - about) ** 2).sum(axis=(2, 3), keepdims=True))
+    return np.asarray(about[0] + spread[0] / np.maximum(spread[1], 1e-9) * (xy_px - about[1]))
 
 
 def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
