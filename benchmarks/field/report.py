@@ -10,7 +10,7 @@ from rich.table import Table
 from benchmarks.field.measure import FieldSet, chosen_sets, field_truth, measure_set
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import each
-from benchmarks.tables import cell, markdown_table, write_texts
+from benchmarks.tables import DETAILS, cell, markdown_table, write_texts
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
@@ -57,4 +57,4 @@ def markdown(sets: Sequence[FieldSet]) -> str:
         markdown_table(HEAD, rows),
         markdown_table(("measure", *HEAD[1:3]), measures),
     )
-    return f"{by_set}\n\n{by_measure}\n"
+    return f"{by_set}\n\n{DETAILS}\n\n{by_measure}\n"

@@ -185,7 +185,8 @@ def verdict_of(
     clause = "" if len(sync.ids) - len(sync.excluded) == 1 else view_clause(motion, sync)
     timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
     apart_s = disagreement_s(sync, predicted) if refined.event is None else None
-    is_predicted = predicted >= set(used_videos(sync))
+    used = set(used_videos(sync))
+    is_predicted = predicted >= used if len(used) < 3 else bool(predicted & used)
     return Verdict(
         summary_of(
             said_first(timing, findings, len(videos)),

@@ -70,23 +70,21 @@ def timing_sentence(
         check = "with two videos nothing checks the timing"
         if predicted >= set(used):
             check = "each is predicted by the other's motion"
-        return (
-            f"{listed(used)} are matched in {matched:.0%} of their frames"
-            f"{repetition_clause(sync)}; {check}."
-        )
+        matches = f"{listed(used)} are matched in {matched:.0%} of their frames"
+        return f"{matches}{repetition_clause(sync)}; {check}."
     declared = len(sync.ids) + left_out
     count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
     apart_s = disagreement_s(sync, predicted)
-    size = "" if apart_s is None else f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
-    if (apart_s or 0) > DOUBTFUL_S:
-        return f"The timing is doubtful: the matches of {count} contradict each other by {size}."
-    checked = f"their matches agree with one another within {size}"
-    if apart_s is None:
-        if not predicted >= set(used):
-            return (
-                f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
-            )
-        checked = "each is predicted by the others' motion"
+    if apart_s is None and not predicted & set(used):
+        return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
+    rest = listed([i for i in used if i not in predicted], "or")
+    checked = f"each{rest and f' but {rest}'} is predicted by the others' motion"
+    if apart_s is not None:
+        size = f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
+        if apart_s > DOUBTFUL_S:
+            doubt = f"the matches of {count} contradict each other by {size}"
+            return f"The timing is doubtful: {doubt}."
+        checked = f"their matches agree with one another within {size}"
     return (
         f"{count} are synchronised: {checked}, and {matched:.0%} of the frames have a counterpart"
         f"{repetition_clause(sync)}."

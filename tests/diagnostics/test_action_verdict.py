@@ -113,19 +113,19 @@ def test_contradicting_times_are_doubted(made: Made) -> None:
 def test_times_by_which_the_pictures_are_predicted_are_right(
     made: Made, error: float, near: float
 ) -> None:
-    rows = [
-        PredictedVideo(
-            id=i, error_share=error, near_share=near, monocular_error_share=0.02, frames=9
-        )
-        for i in made.ids
-    ]
-    claimed = made.claimed.model_copy(update={"leave_one_out": rows})
-    refined = with_sync(made, trust=trusted(made, left_out_s=2 * DOUBTFUL_S))
-    verdict = verdict_of(made.keypoints, made.camera_motion, refined, claimed)
+    given: dict[str, Any] = {"near_share": near, "monocular_error_share": 0.02, "frames": 9}
+    rows = [PredictedVideo(id=i, error_share=error, **given) for i in made.ids]
+    trust, reference = trusted(made, left_out_s=2 * DOUBTFUL_S), made.ids[0]
+    trust.videos[0] = trust.videos[0].model_copy(update={"left_out_s": np.nan})
     is_right = error <= PREDICTED and near >= PREDICTED_SHARE
-    assert ("predicted by the others' motion" in verdict.summary[0]) == is_right
-    assert verdict.summary[0].startswith("The timing is doubtful") != is_right
-    assert verdict.level == ("good" if is_right else "doubt")
+    for but in ("", f" but {reference}"):
+        claimed = made.claimed.model_copy(update={"leave_one_out": rows})
+        refined = with_sync(made, trust=trust)
+        verdict = verdict_of(made.keypoints, made.camera_motion, refined, claimed)
+        assert (f"each{but} is predicted" in verdict.summary[0]) == is_right
+        assert verdict.summary[0].startswith("The timing is doubtful") != is_right
+        assert verdict.level == ("good" if is_right else "doubt")
+        rows[0] = rows[0].model_copy(update={"error_share": 0.09})
 
 
 def repeating(made: Made, ratio: float) -> SyncTrust:
