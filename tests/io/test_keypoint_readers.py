@@ -11,6 +11,7 @@ import torch
 
 from imocap_core.body import load_free_body
 from imocap_core.io.readers.keypoint_readers import FORMATS, format_and_layout, guess_detections
+from imocap_core.io.readers.people import points
 from tests.io import made_keypoints as made
 from tests.io.detector_cases import CASES, FILES, read, refused, written
 from tests.reduced import touching
@@ -209,6 +210,8 @@ def test_a_wrong_layout_is_named_with_the_right_one(tmp_path: Path) -> None:
     path = made.write_npz(tmp_path, made.people("wholebody133"))
     with pytest.raises(ValueError, match=r"26 points of halpe26, got 133; set layout: wholebody"):
         read(path, "npz", "halpe26")
+    with pytest.raises(ValueError, match=r"someone: expected \(17, 3\) .* got \(\)"):
+        points(7.0, "coco17", "someone")
 
 
 def test_wrong_entries_are_named(tmp_path: Path) -> None:
@@ -217,10 +220,10 @@ def test_wrong_entries_are_named(tmp_path: Path) -> None:
     for field, value, message in (
         ("keypoints", ["a"] * 51, r"\[2\].keypoints: expected numbers only"),
         ("keypoints", None, r"\[2\].keypoints: expected a list of numbers, got nothing"),
-        ("image_id", "no number", r"\[2\].image_id: expected a frame number"),
-        ("image_id", -1, r"\[2\].image_id: expected a frame number"),
-        ("image_id", 10**40, r"\[2\].image_id: expected a frame number"),
-        ("image_id", True, r"\[2\].image_id: expected a frame number"),
+        *(
+            ("image_id", x, r"\[2\].image_id: expected a frame number")
+            for x in ("a", -1, 10**40, True)
+        ),
     ):
         changed = [dict(entry) for entry in entries]
         changed[2][field] = value

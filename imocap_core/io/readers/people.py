@@ -185,7 +185,7 @@ def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Float
     if flat and table.size == 3 * count:
         table = table.reshape(count, 3)
     if table.shape != (count, 3):
-        fitting = LAYOUT_OF_COUNT.get(table.size // 3 if flat else len(table))
+        fitting = LAYOUT_OF_COUNT.get(table.size // 3 if flat else len(np.atleast_1d(table)))
         size = f"{table.size} numbers" if flat else f"{table.shape}"
         expected = f"{3 * count} numbers" if flat else f"({count}, 3)"
         advice = f"set layout: {fitting}" if fitting not in (None, layout) else "check `layout`"
