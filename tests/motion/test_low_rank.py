@@ -164,13 +164,9 @@ def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:
 def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
     lost = np.array([2.0, np.nan, np.nan, 2.0])
     steps = LoopSteps(
-        lambda: np.zeros(4),
-        lambda motion: lost,
-        lambda sync, motion: 1.0,
-        outline=lambda sync: [sync],
-        maps=lambda outline: outline,
-        cost=lambda motion: motion,
-    )
+        lambda: np.zeros(4), lambda motion: lost, lambda sync, motion: 1.0,
+        outline=lambda sync: [sync], maps=lambda outline: outline, cost=lambda motion: motion,
+    )  # fmt: skip
     first = LoopRound([np.zeros(4)], 9.0, 9.0, 0.0)
     done = alternate(first, steps, max_rounds=1, settled_frames=0.1)
     assert [t.cost for t in done.rounds] == [9.0, 1.0]
