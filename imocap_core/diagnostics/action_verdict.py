@@ -41,7 +41,6 @@ from imocap_core.diagnostics.timing import (
     repetition_findings,
     timing_findings,
     timing_sentence,
-    used_videos,
 )
 from imocap_core.diagnostics.weak_joints import further_view, least_certain, weak_findings
 
@@ -179,13 +178,13 @@ def verdict_of(
     ]
     findings.sort(key=lambda f: ORDER.index(f.kind))
     fps, left_out = videos[sync.reference].fps, len(keypoints.left_out or ())
-    timing = timing_sentence(sync, fps, left_out, predicted)
+    apart_s = None if refined.event else disagreement_s(sync, predicted)
+    timing = timing_sentence(sync, fps, left_out, predicted, apart_s)
     if refined.event is not None:
         timing = event_sentence(refined.event, fps, left_out)
-    clause = "" if len(sync.ids) - len(sync.excluded) == 1 else view_clause(motion, sync)
+    clause = "" if len(sync.used) == 1 else view_clause(motion, sync)
     timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
-    apart_s = disagreement_s(sync, predicted) if refined.event is None else None
-    used = set(used_videos(sync))
+    used = set(sync.used)
     is_predicted = predicted >= used if len(used) < 3 else bool(predicted & used)
     return Verdict(
         summary_of(

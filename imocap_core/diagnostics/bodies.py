@@ -32,6 +32,7 @@ from imocap_core.camera.gravity import lowest_heights_m, sole_heights_m
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import EVAL_INDICES, LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.diagnostics.contradictions import forbidden_advice, limbs_px, person_size
+from imocap_core.diagnostics.detection_findings import lost_cameras
 from imocap_core.diagnostics.findings import Finding
 from imocap_core.motion.state import mirrored_joints
 from imocap_core.sequences import runs
@@ -382,11 +383,6 @@ def up_findings(
         return []
     text = f"which way is up is doubtful: {why}; ground, heights and every export lean with it"
     return [Finding("up", "", text, why, subject="which way is up")]
-
-
-def lost_cameras(cameras: Sequence[VideoCameraMotion]) -> set[str]:
-    """Cameras that move on an unknown path: where their performer stands is not known either."""
-    return {c.id for c in cameras if c.motion == "translating" and not len(c.path)}
 
 
 def floor_findings(

@@ -33,12 +33,18 @@ def detection_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
 def camera_findings(cameras: Sequence[VideoCameraMotion]) -> list[Finding]:
     """Cameras that move from their place, with a path as a remark, without one as a warning; lenses
     that were corrected or should be."""
+    lost = lost_cameras(cameras)
     moving = [
-        _walks(camera) if len(camera.path) else _lost(camera)
+        _lost(camera) if camera.id in lost else _walks(camera)
         for camera in cameras
         if camera.motion == "translating"
     ]
     return moving + [finding for camera in cameras for finding in _lens(camera)]
+
+
+def lost_cameras(cameras: Sequence[VideoCameraMotion]) -> set[str]:
+    """Cameras that move on an unknown path: where their performer stands is not known either."""
+    return {c.id for c in cameras if c.motion == "translating" and not len(c.path)}
 
 
 def _lens(camera: VideoCameraMotion) -> list[Finding]:
@@ -186,7 +192,7 @@ def view_findings(motion: SmplBa, sync: SyncSummary) -> list[Finding]:
 
 def view_clause(motion: SmplBa, sync: SyncSummary) -> str:
     """The same for the first sentence; empty where videos look across each other."""
-    used = [i for i in sync.ids if i not in sync.excluded]
+    used = sync.used
     widest = widest_angle_deg(sight_lines(motion, used))
     if widest >= ONE_LINE_DEG:
         return ""

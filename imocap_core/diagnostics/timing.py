@@ -36,7 +36,7 @@ LEAST_S = 0.5
 def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     """Median over the videos' round trips and left-out differences, where that is doubtful over
     those of videos that are not `predicted_videos`; None without any, or a third video."""
-    if sync.trust is None or len(used_videos(sync)) < 3:
+    if sync.trust is None or len(sync.used) < 3:
         return None
     for right in (frozenset(), predicted):
         trips = [t.seconds for t in sync.trust.triples if len(set(t.videos) - right) > 1]
@@ -48,16 +48,16 @@ def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     return apart_s
 
 
-def used_videos(sync: SyncSummary) -> list[str]:
-    """The videos that take part."""
-    return [i for i in sync.ids if i not in sync.excluded]
-
-
 def timing_sentence(
-    sync: SyncSummary, fps: float, left_out: int = 0, predicted: Set[str] = frozenset()
+    sync: SyncSummary, fps: float, left_out: int, predicted: Set[str], apart_s: float | None
 ) -> str:
-    """How well the videos are synchronised; fps: of the reference; left_out: videos not usable."""
-    used = used_videos(sync)
+    """How well the videos are synchronised.
+
+    Args:
+        fps: of the reference; left_out: the number of videos that could not be used; apart_s:
+            `disagreement_s`.
+    """
+    used = sync.used
     if len(used) == 1:
         alone = "One video" if len(sync.ids) == 1 else f"Only {used[0]} is used"
         return (
@@ -74,7 +74,6 @@ def timing_sentence(
         return f"{matches}{repetition_clause(sync)}; {check}."
     declared = len(sync.ids) + left_out
     count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
-    apart_s = disagreement_s(sync, predicted)
     if apart_s is None and not predicted & set(used):
         return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
     rest = listed([i for i in used if i not in predicted], "or")

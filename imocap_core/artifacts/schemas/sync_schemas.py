@@ -81,6 +81,11 @@ class SyncSummary(Value):
     # video id -> name of the alternative motion that is used in place of the first
     alternatives: dict[str, str] = Field(default_factory=dict)
 
+    @property
+    def used(self) -> list[str]:
+        """The videos that take part."""
+        return [i for i in self.ids if i not in self.excluded]
+
     @model_validator(mode="after")
     def _belongs_together(self) -> SyncSummary:
         unique(self.ids)

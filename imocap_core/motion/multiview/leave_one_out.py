@@ -148,44 +148,29 @@ def points_at_video_frames(scene: Scene, others: MotionState, v: int) -> Float[n
 def resected_prediction(
     scene: Scene, xyz_m: Float[np.ndarray, "T K 3"], cameras: Cameras, v: int, path_sd_m: float
 ) -> Prediction:
-    """Keypoints of a video predicted from points in the world, its camera resected.
+    """Errors of points in the world in every second stretch, a video's camera resected from the
+    rest.
 
     Args:
         xyz_m: at the video's frames, NaN where unknown; cameras: where the resection starts;
             path_sd_m: deviation of the performer's path from the others'.
     """
+    given = scene.observations[v]
     R, t, K = (x[v].cpu().numpy() for x in (cameras.R, cameras.t, cameras.K))
-    observation, _ = from_one_place(scene.observations[v], xyz_m @ R.T + t)
-    if path_sd_m > _LARGEST_PATH_SD_M:
-        observation = replace(observation, place_sd_m=np.full(len(xyz_m), path_sd_m))
-    weight = observation.confidence * point_shares(scene.body.keypoints.names)
-    return prediction_of(observation, xyz_m, weight, K, R)
-
-
-def prediction_of(
-    observation: Observation,
-    xyz_m: Float[np.ndarray, "T K 3"],
-    weight: Float[np.ndarray, "T K"],
-    K: Float[np.ndarray, "3 3"],
-    R_start: Float[np.ndarray, "3 3"],
-) -> Prediction:
-    """Errors of points in the world in every second stretch, the camera resected from the rest.
-
-    Args:
-        observation: of a camera on one spot; xyz_m: NaN where unknown; weight: of each keypoint.
-        R_start: rotation, camera from world, where the resection starts.
-    """
+    observation, _ = from_one_place(given, xyz_m @ R.T + t)
     height_px = observation.size_px
     is_known = np.isfinite(xyz_m).all(-1) & np.isfinite(observation.xy_px).all(-1)
-    weight = np.where(is_known, weight, 0.0)
+    shares = point_shares(scene.body.keypoints.names)
+    weight = np.where(is_known, observation.confidence * shares, 0.0)
     tested = stretches(len(height_px), observation.fps) % 2 == 1
     scale_px = CAMERA_SCALE * float(np.median(height_px))
     visible = np.where(tested[:, None], 0.0, weight)
-    camera = pnp_over_frames(xyz_m, observation.xy_px, visible, K, R_start, scale_px=scale_px)
+    camera = pnp_over_frames(xyz_m, observation.xy_px, visible, K, R, scale_px=scale_px)
     if not camera.ok:
         return Prediction(np.full(weight.shape, np.nan), np.zeros_like(weight))
     xy_px = project_camera(xyz_m @ camera.R.T + camera.t, K)
-    if observation.place_sd_m is not None:
+    is_lost = given.place_sd_m is not None and given.centre_m is None
+    if is_lost or path_sd_m > _LARGEST_PATH_SD_M:
         xy_px = _in_place(xy_px, observation.xy_px, weight)
     return _compared(observation, xy_px, np.where(tested[:, None], weight, 0.0))
 
