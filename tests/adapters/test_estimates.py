@@ -56,13 +56,10 @@ def given(folder: Path, kind: str, path: Path, frames: int = made.FRAMES) -> Any
     declared = {"id": "v1", "keypoints": "k", "fps": 30.0, "size": made.SIZE}
     declared |= {"initial": path.name, "initial_format": kind}
     context = Context(
-        stage="initial_smpl",
-        seed=0,
-        reads=frozenset(("initial",)),
-        progress=lambda share, what: None,
-        report=folder,
+        stage="initial_smpl", seed=0, reads=frozenset(("initial",)),
+        progress=lambda share, what: None, report=folder,
         _action=Action(folder, "made", (Declaration(**declared),)),
-    )
+    )  # fmt: skip
     return estimate_of(context, video(kind, frames), torch.as_tensor(TURNED))
 
 

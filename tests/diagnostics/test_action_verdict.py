@@ -24,6 +24,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.diagnostics.action_verdict import distrust, verdict_of, without_consequences
+from imocap_core.diagnostics.bodies import feet_findings
 from imocap_core.diagnostics.contradictions import (
     LIMBS,
     PREDICTED,
@@ -302,6 +303,10 @@ def test_a_foot_that_leaps_in_depth_is_named_with_its_frames() -> None:
     assert finding.brief == "feet wrong in depth"
     assert leap - 5 <= finding.first_frame <= leap <= finding.last_frame <= leap + 5
     assert "m/s" in finding.sentence
+    for kind in ("static", "translating"):
+        camera = made.camera_motion.videos[1].model_copy(update={"motion": kind, "xy_first_px": xy})
+        given = refined.motion.videos[1:2], {v.id: v for v in videos}, [camera]
+        assert bool(feet_findings(*given)) == (kind == "static")
 
 
 def test_one_cause_is_named_once(made: Made) -> None:

@@ -70,14 +70,10 @@ def result_of(
     if sync is not None:
         refined = refined.model_copy(update={"sync": sync})
     artifacts = given_artifacts(
-        name,
-        made.keypoints,
-        camera_motion or made.camera_motion,
-        made.initial,
-        refined,
+        name, made.keypoints, camera_motion or made.camera_motion, made.initial, refined,
         made.claimed,
         Hands(videos=videos, model=body.name, model_digest=body.digest, size=1.0, status="made"),
-    )
+    )  # fmt: skip
     return read_result(artifacts, ActionResult)
 
 
