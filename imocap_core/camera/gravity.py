@@ -373,7 +373,7 @@ def sole_heights_m(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float
 def lowest_heights_m(
     joints: Float[np.ndarray, "T 24 3"], ground: Ground
 ) -> Float[np.ndarray, " T"]:
-    """Height above the ground of the part that is nearest to it: a sole, or what else may bear."""
+    """Height of the lowest body part (soles, hands, knees, hips, ...) above the ground."""
     parts = ground.height_m(joints[:, PARTS]) - PART_RADII_M
     return np.minimum(sole_heights_m(joints, ground), parts.min(axis=1))
 

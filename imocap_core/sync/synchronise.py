@@ -24,7 +24,7 @@ from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.rate import playback_rates
 
 Part = TypeVar("Part")
-LEAST_SHOWN = 0.9  # of the reference's frames: what lies between them is a guess, and all go by it
+LEAST_SHOWN = 0.9  # of the reference's frames show the person
 
 
 def synchronise(

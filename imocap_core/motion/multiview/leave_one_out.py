@@ -39,7 +39,7 @@ STEPS = 3  # Gauss-Newton steps from the solution with all videos, or with all l
 STRETCH_S = 0.5
 LEAST_STRETCHES = 4  # of a short video, whose stretches are shorter
 NEAR = 0.1  # error, as a share of the height, below which a keypoint is predicted
-_LARGEST_PATH_SD_M = 0.04  # of performances that go the same way
+_LARGEST_PATH_SD_M = 0.04  # of performances that share one path
 CAMERA_SCALE = 0.05  # Geman-McClure scale of the resection, as a share of the height
 # Hidden in this order, a stretch each, so that a limb is seen before and after
 HIDDEN_LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
@@ -180,8 +180,8 @@ def _in_place(
     target_px: Float[np.ndarray, "T K 2"],
     weight: Float[np.ndarray, "T K"],
 ) -> Float[np.ndarray, "T K 2"]:
-    """Predictions moved and scaled, frame by frame, to the keypoints' weighted centre and spread:
-    where camera or performer go another way, place and size in the picture are no one else's."""
+    """Predictions moved and scaled, frame by frame, to the keypoints' weighted centre and spread,
+    for cameras on unknown paths and performers who take another path than the others."""
     share = (weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9))[..., None]
     both = np.where(share > 0, np.stack([target_px, xy_px]), 0.0)
     about = (share * both).sum(axis=2, keepdims=True)
