@@ -30,7 +30,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from imocap_core.artifacts.file_memory import exclusive, remembered
-from imocap_core.artifacts.shared_store import KEY, fetch_artifact, share_artifact, share_file
 from imocap_core.artifacts.side_files import check_names, has_files, refuse_links, replace_folder
 from imocap_core.errors import ArtifactCorrupt
 from imocap_core.files import appearing, write_whole, writer_has_ended
@@ -38,14 +37,14 @@ from imocap_core.files import appearing, write_whole, writer_has_ended
 if TYPE_CHECKING:
     from imocap_core.artifacts.codec import Content
     from imocap_core.artifacts.schemas.base import Artifact
-    from imocap_core.artifacts.shared_store import SharedFiles
 
 
 CACHE, USED = ".cache", ".used"
 REPORT = "report"
+KEY = "key"  # of the provenance
 SUFFIXES = (".mcap", ".npz")
 SWEEP_S = 86400.0
-OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*", "*/.shared-*")
+OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*")
 OF_ACTION = (".*.part*", "*/.*.part*", "*/*/.*.part*", ".report-*", ".stage-*")
 
 
@@ -276,13 +275,9 @@ class Stored:
 
 @dataclass(frozen=True)
 class Store:
-    """The artifacts below one folder.
-
-    shared: where results are looked for that are not here, and published.
-    """
+    """The artifacts below one folder."""
 
     folder: Path
-    shared: SharedFiles | None = None
 
     def current(self, action: str, stage: str) -> Path:
         """Path of a stage's current artifact."""
@@ -306,44 +301,21 @@ class Store:
 
     def find(self, action: str, stage: str, key: str) -> Stored | None:
         """The result made under `key`, read and checked; None when there is none or it can't be
-        read back. One of the shared store is copied into the cache."""
+        read back."""
         for stored in self._made_under(action, stage, key):
             with suppress(ArtifactCorrupt):
                 return stored.read()
-        return self._fetch(stage, key)
+        return None
 
     def look_up(self, action: str, stage: str, key: str) -> Stored | None:
         """As `find`, but a file that was read before and has not changed is not read again."""
-        return next(self._made_under(action, stage, key), None) or self._fetch(stage, key)
+        return next(self._made_under(action, stage, key), None)
 
     def _made_under(self, action: str, stage: str, key: str) -> Iterator[Stored]:
         for file in (self.current(action, stage), self.cached(stage, key)):
             with suppress(ArtifactCorrupt):
                 if file.is_file() and (stored := _unread(file)).key == key:
                     yield stored
-
-    def _fetch(self, stage: str, key: str) -> Stored | None:
-        if self.shared is None:
-            return None
-        file = self.cached(stage, key)
-        content = fetch_artifact(self.shared, stage, key, file)
-        return None if content is None else stored_as(file, content)
-
-    def share(self, stage: str, stored: Stored, *, made: bool) -> Stored:
-        """Publish a result in the shared store; the result that counts.
-
-        made: it was made now. Where the store has another one under this key, that one counts.
-        """
-        if self.shared is None:
-            return stored
-        file = self.cached(stage, stored.key)
-        if not made:
-            if not file.is_file():  # an action can have its current artifact alone
-                _link(stored.file, file)
-            share_file(self.shared, stage, file)
-            return stored
-        theirs = share_artifact(self.shared, stage, stored.key, file, stored.digest)
-        return stored if theirs is None else stored_as(file, theirs)
 
     def put(
         self,

@@ -42,13 +42,13 @@ class Explanation:
 
 @plain_errors
 def status(
-    action: str | Path, *, root: str | Path = ".", params: Params = None, store: str | None = None
+    action: str | Path, *, root: str | Path = ".", params: Params = None
 ) -> list[StageStatus]:
     """For every stage whether its result is cached, and if not, why it would run.
 
     store: URL or folder of a shared store; results that are there are fetched.
     """
-    workspace = Workspace(Path(root), store)
+    workspace = Workspace(Path(root))
     return list(runner.stage_statuses(workspace.job(str(action), one_off(params))))
 
 
