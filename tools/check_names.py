@@ -21,15 +21,15 @@ PAGES += ("imocap_core/**/*.md",)
 CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
-    "files of the core": 347,
-    "lines of the core": 73_557,
+    "files of the core": 345,
+    "lines of the core": 73_096,
     "packages of the core": 40,
-    "public names of the core": 4_183,
+    "public names of the core": 4_153,
     "lines of the core's longest function": 79,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 12,
-    "lines of the tests": 45_401,
-    "words of the documentation": 38_905,  # of all pages but the changelog, as `wc -w` counts
+    "lines of the tests": 45_100,
+    "words of the documentation": 38_823,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})

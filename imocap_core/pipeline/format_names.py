@@ -15,8 +15,6 @@ DetectionFormat = Literal[
     "wholebody",
     "cpn_npz",
     "npz",
-    "deeplabcut",
-    "sleap",
     "sam3d_body",
 ]
 Layout = Literal[
