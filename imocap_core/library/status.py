@@ -88,7 +88,7 @@ def verdict(
 def report_page(job: Job) -> Path | None:
     """The page of an action's report to open first; the folder itself when it has none."""
     folder = job.store.report(job.action.name)
-    for name in ("report.html", "index.html", "report.md", "index.md"):
+    for name in ("report.html", "index.html", "index.md"):
         if (folder / name).is_file():
             return folder / name
     return folder if folder.is_dir() else None

@@ -41,8 +41,8 @@ from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.card import CARD, card_page
 from imocap_core.report.first_page import ANGLES, first_page, last_result
-from imocap_core.report.page import html_page, markdown_page
-from imocap_core.report.page_files import PAGE, TEXT, links
+from imocap_core.report.page import html_page
+from imocap_core.report.page_files import PAGE, links
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import Picture, read_contents
 from imocap_core.result.artifacts import artifacts_of_stages, verdict_of_artifacts
@@ -113,16 +113,14 @@ def write_page(
     job: Job,
     folder: Path,
     stored: Mapping[str, Stored],
-    single: Stored | None,
     seconds: Mapping[str, float | None],
     stamp: str,
     sources: str,
 ) -> None:
-    """Draw the page's figures and write the page, as HTML and as Markdown, and the verdict.
+    """Draw the page's figures and write the page, and the verdict.
 
     Args:
-        single: smpl_ba's result with one motion for all videos. seconds: of each stage. stamp: see
-            `action_report`. sources: which video is which file.
+        seconds: of each stage. stamp: see `action_report`. sources: which video is which file.
     """
     keypoints = stored["keypoints"].decode(Keypoints)
     evaluated = stored["evaluate"].decode(Evaluate)
@@ -132,7 +130,7 @@ def write_page(
     pictures = draw_page_figures(
         folder,
         videos,
-        sheet_results_of(stored, single),
+        sheet_results_of(stored),
         keypoints,
         refined,
         stored["uncertainty"].decode(Uncertainty),
@@ -160,7 +158,6 @@ def write_page(
     pages = links(folder.parent, job.action.name)
     files = {
         FILE: verdict_text(verdict),
-        TEXT: markdown_page(contents, verdict, parts, sources, first),
         PAGE: html_page(folder, contents, verdict, parts, pages, stamp, sources, first),
     }
     for name, text in files.items():
@@ -181,17 +178,17 @@ def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> lis
     )
 
 
-def sheet_results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[SheetResult]:
+def sheet_results_of(stored: Mapping[str, Stored]) -> list[SheetResult]:
     """The results that are shown side by side, in the order of the stages."""
     cameras = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos
     results = [SheetResult("initial\n(monocular)", initial, {c.id: c.K for c in cameras})]
     if len(initial) == 1:
         return results  # there is nothing to compare
-    solved = {"all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
-    if single is not None:
-        solved = {"single model\n(one motion)": single.decode(SmplBa), **solved}
-    solved["all videos,\nafter the loop"] = stored["refine_sync"].decode(RefineSync).motion
+    solved = {
+        "all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa),
+        "all videos,\nafter the loop": stored["refine_sync"].decode(RefineSync).motion,
+    }
     for name, result in solved.items():
         results.append(SheetResult(name, result.videos, {c.id: c.K for c in result.cameras}))
     return results
