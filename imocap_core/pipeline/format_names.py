@@ -42,9 +42,6 @@ InitialFormat = Literal[
     "hmmr",
     "tram",
     "tokenhmr",
-    "nlf",
-    "multihmr",
     "sam3d_body",
-    "metrabs",
     "mediapipe_world",
 ]
