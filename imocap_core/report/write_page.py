@@ -19,17 +19,10 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.body import Model, load_free_body
 from imocap_core.diagnostics.findings import FILE, verdict_text
 from imocap_core.figures.overlays import Image, Window
-from imocap_core.figures.page_figures import (
-    chosen_trip,
-    cycle_figures,
-    cycle_frames,
-    cycle_starts,
-    uncertainty_figure,
-)
+from imocap_core.figures.page_figures import uncertainty_figure
 from imocap_core.figures.sheets import (
     SheetResult,
     SheetVideo,
-    moment_cells,
     picks_of,
     read_cells,
     results_sheet,
@@ -51,10 +44,6 @@ from imocap_core.result.result import ActionResult
 from imocap_core.workers import thread_map
 from imocap_core.workspace import video_files
 
-_TRIP = (
-    Picture("cycle.webp", "Matches of frames from video to video and back."),
-    Picture("cycle.png", "How many frames after its start each round trip ends."),
-)
 _RESULTS, _UNCERTAINTY = "results.webp", "uncertainty.png"
 
 
@@ -68,43 +57,23 @@ def draw_page_figures(
     by_joint: Table | None,
     model: Model,
 ) -> list[Picture]:
-    """Round trips over three videos; the same frames under each of `results`; the uncertainty of
-    each joint.
+    """The same frames under each of `results`; the uncertainty of each joint.
 
     by_joint: the table `uncertainty_joints`, which has the true errors.
     """
-    sync = refined.sync
-    trip = chosen_trip(sync)
-    starts = cycle_starts(sync, trip)
-    of_trip = cycle_frames(sync, trip, starts) if len(trip) > 1 else {}
     picks = picks_of(videos)
-    shown = [
-        sorted(of_trip.get(video.keypoints.id, set()) | {t for w, t in picks if w == v})
-        for v, video in enumerate(videos)
-    ]
+    shown = [sorted(t for w, t in picks if w == v) for v in range(len(videos))]
     read = [(video, frames) for video, frames in zip(videos, shown, strict=True) if frames]
-    cells: dict[str, dict[int, Image]] = {}
-    cuts: dict[str, dict[int, Window]] = {}
     of_videos = thread_map(lambda item: read_cells(item[0].keypoints, item[0].file, item[1]), read)
-    for (video, _), (cells_of, cuts_of) in zip(read, of_videos, strict=True):
-        cells[video.keypoints.id], cuts[video.keypoints.id] = cells_of, cuts_of
+    ids = [video.keypoints.id for video, _ in read]
+    cells: dict[str, dict[int, Image]] = dict(zip(ids, (c for c, _ in of_videos), strict=True))
+    cuts: dict[str, dict[int, Window]] = dict(zip(ids, (w for _, w in of_videos), strict=True))
     drawn = []
     with quiet():
-        if len(trip) > 1:
-            posed: dict[str, dict[int, Image]] = {}
-            for video in (v for v in videos if v.keypoints.id in of_trip):
-                name, of = video.keypoints.id, sorted(of_trip[video.keypoints.id])
-                drawn_over = moment_cells(video, of, cells[name], cuts[name])
-                posed[name] = dict(zip(of, drawn_over, strict=True))
-            frames = {v.id: v.frames for v in keypoints.videos}
-            figures = cycle_figures(sync, trip, starts, posed, frames)
-            for figure, picture in zip(figures, _TRIP, strict=True):
-                save(figure, folder / picture.file)
-                drawn.append(picture)
         save(results_sheet(videos, results, picks, cells, cuts, model), folder / _RESULTS)
         caption = "Where the results differ most: the body over the frame, and from the side."
         drawn.append(Picture(_RESULTS, caption))
-        save(uncertainty_figure(claimed, keypoints, sync, by_joint), folder / _UNCERTAINTY)
+        save(uncertainty_figure(claimed, keypoints, refined.sync, by_joint), folder / _UNCERTAINTY)
         drawn.append(Picture(_UNCERTAINTY, "Uncertainty of each joint, overall and over time."))
     return drawn
 

@@ -34,10 +34,10 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     page = finish(job, _outcomes(job, "made"))
     assert page.name == "report.html"
     text = page.read_text()
-    for part in ("Summary", "Synchronisation", "Time for each stage", "mpjpe_mm"):
+    for part in ("Summary", "Uncertainty", "Time for each stage", "mpjpe_mm"):
         assert part in text
     folder = page.parent
-    for name in ("cycle.webp", "results.webp", "uncertainty.png"):
+    for name in ("results.webp", "uncertainty.png"):
         assert (folder / name).stat().st_size > 500
     first = page.stat().st_mtime_ns
     assert finish(job, _outcomes(job)) == page

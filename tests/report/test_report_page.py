@@ -46,13 +46,13 @@ def _table(name: str, *columns: str) -> Table:
 
 
 def _page(tmp_path: Path) -> str:
-    for name in ("moments.webp", "cycle.webp", "overlay_v1.webp", "new.png", "angles.png"):
+    for name in ("moments.webp", "warp.png", "overlay_v1.webp", "new.png", "angles.png"):
         (tmp_path / name).write_bytes(name.encode())
     contents = Contents("waving <b>", (Picture("moments.webp", "The same moments."),))
     pictures = [
         *contents.pictures,
         Picture("overlay_v1.webp", "v1 over its frames."),
-        Picture("cycle.webp", "Round and back."),
+        Picture("warp.png", "Round and back."),
         Picture("new.png", "Nobody planned this."),
     ]
     tables = [
