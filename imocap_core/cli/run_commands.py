@@ -207,9 +207,6 @@ def run_all_command(
     address: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="A Dask scheduler to use.")
     ] = None,
-    memory: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Largest memory of a worker, as 4G.")
-    ] = None,
     retries: Annotated[int, typer.Option(help="Further attempts at a task whose worker died.")] = 1,
     sets: Sets = [],  # noqa: B006
     device: Device = "cpu",
@@ -222,12 +219,10 @@ def run_all_command(
     """
     from imocap_core.library.run_all import ExecutorChoice, check_choice, run_all
     from imocap_core.library.run_all_terminal import ManyActions
-    from imocap_core.process import memory_size
 
     if bool(actions) == every:
         raise WrongUse("expected actions, or --all for every one below actions/: one of them")
-    limit = None if memory is None else memory_size(memory)
-    choice = ExecutorChoice(executor, workers, address, limit, retries)
+    choice = ExecutorChoice(executor, workers, address, retries)
     check_choice(choice)
     chosen = None if every else actions
     if as_json:

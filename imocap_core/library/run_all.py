@@ -21,7 +21,7 @@ from imocap_core.library.cleaning import keep_cache_within_limit
 from imocap_core.library.running import run_action
 from imocap_core.pipeline import builtin_actions
 from imocap_core.pipeline.runner import make_part
-from imocap_core.process import CPU, can_limit_memory, check_device
+from imocap_core.process import CPU, check_device
 from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
 
@@ -181,14 +181,13 @@ class ExecutorChoice:
     """Where tasks run.
 
     name: serial, processes or dask. workers: processes on this machine; None for one a core.
-    address: of a Dask scheduler, instead of a cluster on this machine. memory_bytes: largest memory
-    of a worker. retries: further attempts at a task whose worker died.
+    address: of a Dask scheduler, instead of a cluster on this machine. retries: further attempts at
+    a task whose worker died.
     """
 
     name: str = "processes"
     workers: int | None = None
     address: str | None = None
-    memory_bytes: int | None = None
     retries: int = 1
 
 
@@ -298,15 +297,11 @@ def check_choice(choice: ExecutorChoice) -> None:
         raise WrongUse(f"retries: expected 0 or more, got {choice.retries}")
     if choice.address is not None and choice.name != "dask":
         raise WrongUse(f"an address is of a Dask scheduler, and the executor is {choice.name}")
-    if choice.address is not None and (choice.workers or choice.memory_bytes):
+    if choice.address is not None and choice.workers:
         raise WrongUse(
-            f"workers and memory of the cluster at {choice.address} are those that it was "
-            "started with; leave them out"
+            f"the workers of the cluster at {choice.address} are those that it was "
+            "started with; leave their number out"
         )
-    if choice.memory_bytes is not None and choice.name == "serial":
-        raise WrongUse("a limit of memory is of a worker, and the executor serial has none")
-    if choice.memory_bytes is not None and choice.name == "processes" and not can_limit_memory():
-        raise WrongUse("only on Linux can a worker's memory be limited; leave the limit out")
 
 
 @contextmanager
@@ -320,14 +315,12 @@ def executing(choice: ExecutorChoice, listener: Listener) -> Iterator[Executor]:
     elif choice.name == "processes":
         from imocap_core.executors.processes import worker_processes
 
-        with worker_processes(workers, memory_bytes=choice.memory_bytes) as processes:
+        with worker_processes(workers) as processes:
             yield processes
     else:
         from imocap_core.executors.processes import dask_cluster
 
-        with dask_cluster(
-            workers, choice.address, memory_bytes=choice.memory_bytes, announce=listener.announce
-        ) as cluster:
+        with dask_cluster(workers, choice.address, announce=listener.announce) as cluster:
             yield cluster
 
 

@@ -44,10 +44,7 @@ class Explanation:
 def status(
     action: str | Path, *, root: str | Path = ".", params: Params = None
 ) -> list[StageStatus]:
-    """For every stage whether its result is cached, and if not, why it would run.
-
-    store: URL or folder of a shared store; results that are there are fetched.
-    """
+    """For every stage whether its result is cached, and if not, why it would run."""
     workspace = Workspace(Path(root))
     return list(runner.stage_statuses(workspace.job(str(action), one_off(params))))
 

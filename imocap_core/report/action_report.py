@@ -12,7 +12,6 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, system_fault
 from imocap_core.files import is_as_made, is_whole_page
-from imocap_core.pipeline.generation import record, seconds_of
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.report.page_files import PAGE, refresh_pages
@@ -31,12 +30,11 @@ NEEDED = {
 
 
 def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
-    """Record the stages' times, and write the page unless it shows these results already.
+    """Write the page unless it shows these results already.
 
     Returns the page, or None when the run has no complete results. WorkFailed when the page cannot
     be written.
     """
-    record(job.store, job.action.name, outcomes)
     stored = {outcome.stage: outcome.stored for outcome in outcomes}
     if not complete(stored):
         return None
@@ -74,10 +72,9 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     """The page of these results, written only when something has changed."""
     folder = job.store.report(job.action.name)
     page = folder / PAGE
-    seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
     names = {v.id: PurePath(v.video).name for v in job.action.videos if v.video is not None}
     sources = "Files: " + ", ".join(f"{i} is {n}" for i, n in names.items()) + "." if names else ""
-    stamp = _stamp(stored, seconds, sources)
+    stamp = _stamp(stored, sources)
     there = all((folder / name).is_file() for name in (PAGE, FILE))
     if there and is_whole_page(page):
         with page.open(encoding="utf-8") as stream:
@@ -86,7 +83,7 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     from imocap_core.report.write_page import write_page
 
     try:
-        write_page(job, folder, stored, seconds, stamp, sources)
+        write_page(job, folder, stored, stamp, sources)
     except ArtifactCorrupt as error:
         reason = str(error).splitlines()[0]
         raise WorkFailed(f"report: {reason}; run the action again") from None
@@ -97,10 +94,10 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     return page
 
 
-def _stamp(stored: Mapping[str, Stored], seconds: Mapping[str, float | None], sources: str) -> str:
+def _stamp(stored: Mapping[str, Stored], sources: str) -> str:
     """A digest of everything that the page shows, and of the code that draws it."""
     core = PROJECT / "imocap_core"
     code = {name: digest for file in _MADE_BY for name, digest in closure(core / file).items()}
     results = {stage: stored[stage].digest for stage in NEEDED}
-    content = [results, code, dict(seconds), sources]
+    content = [results, code, sources]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

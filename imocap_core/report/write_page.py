@@ -30,7 +30,6 @@ from imocap_core.figures.sheets import (
 )
 from imocap_core.figures.style import quiet, save
 from imocap_core.files import record_made, write_whole
-from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.card import CARD, card_page
 from imocap_core.report.first_page import ANGLES, first_page, last_result
@@ -79,17 +78,12 @@ def draw_page_figures(
 
 
 def write_page(
-    job: Job,
-    folder: Path,
-    stored: Mapping[str, Stored],
-    seconds: Mapping[str, float | None],
-    stamp: str,
-    sources: str,
+    job: Job, folder: Path, stored: Mapping[str, Stored], stamp: str, sources: str
 ) -> None:
     """Draw the page's figures and write the page, and the verdict.
 
     Args:
-        seconds: of each stage. stamp: see `action_report`. sources: which video is which file.
+        stamp: see `action_report`. sources: which video is which file.
     """
     keypoints = stored["keypoints"].decode(Keypoints)
     evaluated = stored["evaluate"].decode(Evaluate)
@@ -107,9 +101,7 @@ def write_page(
         model,
     )
     contents = read_contents(folder)
-    frames = sum(len(video.frames) for video in keypoints.videos)
-    every = [*evaluated.tables, timing_table(seconds, frames)]
-    parts = sections(every, [*contents.pictures, *pictures], len(keypoints.videos))
+    parts = sections(evaluated.tables, [*contents.pictures, *pictures], len(keypoints.videos))
     artifacts = artifacts_of_stages(job.action.name, stored)
     verdict = verdict_of_artifacts(artifacts)
     assert verdict is not None

@@ -126,9 +126,6 @@ def test_a_stage_that_kills_its_worker_is_tried_again_and_then_a_sentence(toy, c
         (["one", "--executor", "slurm"], "expected one of serial, processes, dask, got 'slurm'"),
         (["one", "--workers", "0"], "workers: expected 1 or more, got 0"),
         (["one", "--address", "a:1"], "the executor is processes"),
-        (["one", "--memory", "much"], "expected a size of memory such as 4G"),
-        (["one", "--memory", "1M"], "at least 512M"),
-        (["one", "--executor", "serial", "--memory", "4G"], "the executor serial has none"),
     ],
 )
 def test_wrong_use_is_said_before_anything_runs(toy, capsys, words, sentence):

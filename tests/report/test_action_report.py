@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.generation import record, seconds_of, timing_table
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.report.action_report import complete, finish, verdict_of_run
 from imocap_core.report.page_files import prose, refresh_pages
@@ -34,7 +33,7 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     page = finish(job, _outcomes(job, "made"))
     assert page.name == "report.html"
     text = page.read_text()
-    for part in ("Summary", "Uncertainty", "Time for each stage", "mpjpe_mm"):
+    for part in ("Summary", "Uncertainty", "mpjpe_mm"):
         assert part in text
     folder = page.parent
     for name in ("results.webp", "uncertainty.png"):
@@ -106,20 +105,3 @@ def test_a_run_that_stops_early_has_no_page(made: Made, tmp_path: Path) -> None:
     assert not complete({o.stage: o.stored for o in early})
     assert finish(job, early) is None
     assert not (job.store.report(NAME) / "report.html").exists()
-
-
-def test_seconds_belong_to_the_result_they_made(made: Made, tmp_path: Path) -> None:
-    job = stored_job(tmp_path, made)
-    outcomes = _outcomes(job, "made")
-    record(job.store, NAME, outcomes)
-    digests = {o.stage: o.stored.digest for o in outcomes}
-    assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
-    assert seconds_of(job.store, NAME, {"sync": "another"}) == {"sync": None}
-    record(job.store, NAME, _outcomes(job, "cached"))
-    assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
-    for damaged in ("{broken", '{"sync": "x"}', '{"sync": {"x": []}}', "[3]", "[" * 100_000):
-        (tmp_path / "artifacts" / NAME / "timings.json").write_text(damaged)
-        assert seconds_of(job.store, NAME, {"sync": "x"}) == {"sync": None}
-    table = timing_table({"a": 1.0, "b": 2.0}, 100)
-    assert table.rows[-1] == ["all stages", 3.0, 30.0]
-    assert timing_table({"a": 1.0, "b": None}, 100).rows[-1] == ["b", None, None]
