@@ -299,13 +299,6 @@ def list_command(context: typer.Context, as_json: Json = False) -> None:
 
 def clean_command(
     context: typer.Context,
-    action: Annotated[
-        str | None,
-        typer.Argument(
-            help="Remove only results that this action and no other has used.",
-            autocompletion=action_names,
-        ),
-    ] = None,
     older: Annotated[
         float | None,
         typer.Option(min=0, metavar="DAYS", help="Remove results not used for this many days."),
@@ -326,9 +319,7 @@ def clean_command(
     from imocap_core.library.cleaning import bytes_of, clean
 
     max_bytes = None if max_size is None else bytes_of(max_size)
-    cleaning = clean(
-        action, older_days=older, max_bytes=max_bytes, dry_run=dry_run, root=root_of(context)
-    )
+    cleaning = clean(older_days=older, max_bytes=max_bytes, dry_run=dry_run, root=root_of(context))
     console = speaker(markup=False)
     if cleaning.rows:
         console.print(_cache_table(cleaning))

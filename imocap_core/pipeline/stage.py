@@ -158,7 +158,7 @@ class Parts:
         stored = None if self.again else self.store.find(self.action, folder, recipe.key)
         if stored is None:
             stored = self.store.put(folder, recipe.key, make(), recipe.provenance(), {})
-        mark_used(self.store.folder, self.action, folder, stored.key)
+        mark_used(self.store.folder, folder, stored.key)
         return stored.decode(kind)
 
 
