@@ -138,10 +138,6 @@ def write_positions(folder: Path, positions: Any, layout_name: str) -> Path:
     return path
 
 
-def _cell(number: float) -> str:
-    return "" if np.isnan(number) else repr(float(number))
-
-
 def _csv(path: Path, rows: list[list[str]]) -> Path:
     with path.open("w", newline="") as stream:
         csv.writer(stream).writerows(rows)
