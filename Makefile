@@ -13,7 +13,6 @@
 #   make dist              wheel and source distribution in build/dist
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
-#   make fuzz-guided       the same guided by coverage (atheris, Linux; SECONDS=300); record in build/fuzz
 #   make audit             known vulnerabilities of the pinned packages (asks the package index; its tools in .venv-audit)
 #   make sbom              what is installed in .venv, as a CycloneDX SBOM in build/sbom.json
 #   make docs               the documentation as a site in build/site (its tools in .venv-docs)
@@ -40,7 +39,7 @@ HASHES ?= --require-hashes
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean docs dist measure fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean docs dist measure fuzz chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -104,11 +103,6 @@ dist: $(STAMP)
 SECONDS ?= 300
 fuzz: $(STAMP)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.run --seconds $(SECONDS)
-
-fuzz-guided: $(STAMP)
-	@test -d build/atheris || $(PIP) --no-deps --target build/atheris 'atheris>=3' || \
-	  { echo "imocap: atheris, which guides the fuzzing, cannot be installed here; make fuzz works without it"; exit 1; }
-	@OMP_NUM_THREADS=1 PYTHONPATH=build/atheris $(BIN)/python -m tests.fuzz.guided --seconds $(SECONDS)
 
 KILLS ?= 100
 chaos: $(STAMP)

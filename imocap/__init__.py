@@ -36,7 +36,6 @@ from imocap_core.library.outputs import (
 )
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
-from imocap_core.library.push_pull import Pulled, PushedAction, pull, push
 from imocap_core.library.result import Result, load
 from imocap_core.library.run_all import ActionEnd, ExecutorChoice, run_all
 from imocap_core.library.running import Run, run, run_stage
@@ -73,8 +72,6 @@ __all__ = [
     "JointUncertainty",
     "MotionEvent",
     "PersonSummary",
-    "Pulled",
-    "PushedAction",
     "Result",
     "Run",
     "Synchronisation",
@@ -95,8 +92,6 @@ __all__ = [
     "init_action",
     "load",
     "people",
-    "pull",
-    "push",
     "report",
     "run",
     "run_all",

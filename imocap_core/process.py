@@ -1,4 +1,4 @@
-"""This process: threads, allocator, limit on memory, largest resident memory, device, signals.
+"""This process: threads, allocator, largest resident memory, device, signals.
 
 PyTorch, OpenCV and the linear algebra of NumPy and SciPy get one thread: the solver's blocks (75 to
 150 unknowns) and OpenCV's pictures are too small for more, and the solver has a thread a motion.
@@ -66,40 +66,6 @@ def keep_freed_memory() -> bool:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     options = ((TRIM_THRESHOLD, NEVER), (MMAP_THRESHOLD, LARGEST), (ARENA_MAX, 1))
     return mallopt is not None and all(mallopt(*option) == 1 for option in options)
-
-
-SUFFIXES = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
-SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:I?B)?", re.IGNORECASE)
-LEAST_BYTES = 2**29  # importing PyTorch alone takes a good part of it
-
-
-def memory_size(text: str) -> int:
-    """Bytes of a size such as 4G, 1500M or 2.5GiB (powers of 1024).
-
-    WrongUse when it is none, or below 512M.
-    """
-    match = SIZE.fullmatch(text.strip())
-    if match is None:
-        raise WrongUse(f"expected a size of memory such as 4G or 1500M, got {text!r}")
-    size = int(float(match[1]) * SUFFIXES[match[2].upper()])
-    if size < LEAST_BYTES:
-        raise WrongUse(f"a worker needs at least 512M of memory, got {text}")
-    return size
-
-
-def can_limit_memory() -> bool:
-    """Whether `limit_memory` has an effect here: on Linux."""
-    return sys.platform == "linux"
-
-
-def limit_memory(most_bytes: int) -> None:
-    """Let allocations beyond a number of bytes fail (MemoryError) instead of taking the memory of
-    other processes."""
-    import resource
-
-    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    most = most_bytes if hard == resource.RLIM_INFINITY else min(most_bytes, hard)
-    resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
 
 
 STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")

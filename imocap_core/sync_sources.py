@@ -11,7 +11,7 @@ from pathlib import Path
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
 
-KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5", ".npy", ".tsv", ".jsonl")
+KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".npy", ".tsv", ".jsonl")
 # Where the keypoints of videos/clip.mp4 may be: folders of these names, and (but for the first)
 # files of these names with one of the suffixes; {} is the video's name without its suffix.
 KEYPOINT_PLACES = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")

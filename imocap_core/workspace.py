@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imocap_core.artifacts.file_memory import load_memory
-from imocap_core.artifacts.shared_store import absolute_url, shared_files
 from imocap_core.artifacts.side_files import refuse_links
 from imocap_core.artifacts.store import CACHE, Store
 from imocap_core.errors import WorkFailed
@@ -23,19 +22,16 @@ from imocap_core.process import CPU, check_device
 class Workspace:
     """The working folder, and what belongs to it.
 
-    shared: URL or folder of a store that several machines share (artifacts/shared.py).
     device: where stages compute their tensors (pipeline/device.py).
     """
 
     root: Path
-    shared: str | None = None
     device: str = CPU
 
     @property
     def store(self) -> Store:
         """The artifacts of this folder."""
-        shared = None if self.shared is None else shared_files(absolute_url(self.shared))
-        return Store(self.root / "artifacts", shared)
+        return Store(self.root / "artifacts")
 
     def pipeline_file(self) -> Path:
         """This folder's own pipeline.yaml, else the checkout's, else the one that is installed."""
@@ -78,10 +74,6 @@ class Workspace:
                 demos.ensure(action, folder, self.pipeline().seed, display)
         job = self.job(action, sets)
         check_files(job.action)
-        if self.shared is not None and job.action.detected:
-            from imocap_core.detect.detection import share_detections
-
-            share_detections(job.store, job.action.detected.values())
         if len(job.action.detected) == sum(video.detected for video in job.action.videos):
             return job
         from imocap_core.detect.detected_action import detect

@@ -21,15 +21,15 @@ PAGES += ("imocap_core/**/*.md",)
 CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
-    "files of the core": 350,
-    "lines of the core": 74_720,
+    "files of the core": 345,
+    "lines of the core": 72_328,
     "packages of the core": 40,
-    "public names of the core": 4_246,
+    "public names of the core": 4_109,
     "lines of the core's longest function": 79,
     "arguments of a function of the core": 15,
-    "functions of the core with more than 8 arguments": 13,
-    "lines of the tests": 46_295,
-    "words of the documentation": 39_486,  # of all pages but the changelog, as `wc -w` counts
+    "functions of the core with more than 8 arguments": 12,
+    "lines of the tests": 44_607,
+    "words of the documentation": 38_355,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})

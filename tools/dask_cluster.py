@@ -66,7 +66,7 @@ def started_cluster(
         for root in roots:
             words = [cluster.address, "--nthreads", "1", "--local-directory", str(root / "dask")]
             words += [] if replaced else ["--no-nanny"]
-            settings = {"IMOCAP_ROOT": str(root), VARIABLE: str(root)}
+            settings = {VARIABLE: str(root)}
             settings["DASK_DISTRIBUTED__WORKER__DAEMON"] = "False"
             cluster.workers.append(start("dask_worker", *words, **settings))
         _wait_for_workers(cluster.address, len(roots))

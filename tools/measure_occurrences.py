@@ -124,7 +124,7 @@ def counts_of_draw(
         last = len(take.example.joints) - EDGE_FRAMES
         inside = (whole.frame >= EDGE_FRAMES) & (whole.frame < last)
         template = template_of(part_of(whole, inside), people.pool())
-        alone = matches_of_all(people, template, params)
+        alone = matches_of_all(people, template)
         further = by_further_examples(people, alone, params)
         there += sum(film.movement == take.movement for film in films)
         for row, matches in enumerate((alone, further)):

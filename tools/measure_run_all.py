@@ -1,10 +1,9 @@
 """Twenty actions by every executor: clock times in one go, and whether all results are equal.
 
 ``python -m tools.measure_run_all ROOT --actions 20``: made actions of different seeds are run by
-``imocap run-all``, each time from nothing: one after the other; by worker processes; by a Dask
-cluster of two workers that share a folder, of which one is killed by signal 9 in the middle; and by
-two workers with folders of their own and one store (``--store URL``, by default a folder), of which
-one is killed, too.
+``imocap run-all``, each time from nothing: one after the other; by worker processes; and
+by a Dask cluster of two workers that share a folder, of which one is killed by signal 9 in the
+middle.
 """
 
 from __future__ import annotations
@@ -89,10 +88,10 @@ def in_this_machine(root: Path, names: list[str], executor: str, workers: int) -
     return finished(root, run_all(root, names, words if executor != "serial" else words[:2]))
 
 
-def on_cluster(root: Path, names: list[str], roots: list[Path], words: list[str]) -> Digests:
+def on_cluster(root: Path, names: list[str], roots: list[Path]) -> Digests:
     """By two Dask workers, of which the first is killed when a third of the results is there."""
     with started_cluster(roots, {}, replaced=False) as made:
-        words = ["--executor", "dask", "--address", made.address, *words]
+        words = ["--executor", "dask", "--address", made.address]
         command = run_all(root, names, words)
         while command.poll() is None and len(results(roots)) < len(names) * STAGES / 3:
             time.sleep(0.2)
@@ -118,33 +117,23 @@ def main() -> None:
     parser.add_argument("root", type=Path)
     parser.add_argument("--actions", type=int, default=20)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--store", help="a shared store; a folder of ROOT without it")
     parser.add_argument("--only", nargs="*", help="executors")
     given = parser.parse_args()
     actions, names = given.root / "actions", [f"a{seed:02d}" for seed in range(given.actions)]
     for seed, name in enumerate(names):
         make_action(actions / name, seed)
-    roots = [given.root / "apart" / str(n) for n in range(2)]
-    (given.root / "store").mkdir(exist_ok=True)
-    store = given.store or str(given.root / "store")
 
     def fresh(name: str) -> Path:
         return working_folder(given.root / name, actions)
 
     def shared() -> Digests:
         root = fresh("cluster")
-        return on_cluster(root, names, [root, root], [])
-
-    def apart() -> Digests:
-        return on_cluster(
-            fresh("store-root"), names, [working_folder(root) for root in roots], ["--store", store]
-        )
+        return on_cluster(root, names, [root, root])
 
     ways: dict[str, Callable[[], Digests]] = {
         "serial": lambda: in_this_machine(fresh("serial"), names, "serial", 1),
         "processes": lambda: in_this_machine(fresh("processes"), names, "processes", given.workers),
         "dask": shared,
-        "store": apart,
     }
     first: tuple[float, Digests] | None = None
     for name, way in ways.items():

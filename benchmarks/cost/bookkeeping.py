@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from imocap_core.artifacts.store import CACHE, USED, cached_results, sweep
+from imocap_core.artifacts.store import CACHE, cached_results, sweep
 
 ACTIONS = (100, 1000)
 STAGES, REPORT_FILES, REMEMBERED = 9, 30, 16  # of an action; remembered: videos and keypoints
@@ -53,7 +53,6 @@ def make_store(store: Path, actions: int) -> None:
     """Empty results of so many actions, each linked from the cache as a run does it."""
     for stage in range(STAGES):
         (store / CACHE / f"s{stage}").mkdir(parents=True)
-    (store / CACHE / USED).mkdir()
     for a in range(actions):
         report = store / f"a{a}" / "report"
         report.mkdir(parents=True)
@@ -64,7 +63,6 @@ def make_store(store: Path, actions: int) -> None:
             cached = store / CACHE / f"{line}.mcap"
             cached.touch()
             os.link(cached, store / f"a{a}" / f"{line.partition('/')[0]}.mcap")
-        (store / CACHE / USED / f"a{a}").write_text("\n".join(lines) + "\n")
 
 
 def remembered(actions: int) -> dict[str, tuple[str, str]]:

@@ -77,10 +77,3 @@ def affinity_between(
             return values.T, (m, n)
     lengths = dict(zip(sync.ids, sync.lengths, strict=True))
     return np.zeros((lengths[first], lengths[second])), (1, 1)
-
-
-def nearest_by_affinity(sync: Sync, first: str, second: str) -> np.ndarray:
-    """The most similar frame of the second video for each frame of the first (T,)."""
-    values, (n, m) = affinity_between(sync, first, second)
-    frames = np.arange(sync.lengths[sync.ids.index(first)])
-    return np.asarray(m * values.argmax(axis=1)[frames // n])

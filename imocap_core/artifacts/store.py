@@ -6,7 +6,6 @@
       .cache/<stage>/<key>.mcap         every result, so that old parameters cost nothing
       .cache/<stage>_<part>/<key>.mcap  parts of them, for other results (pipeline.parts)
       .cache/detections/<key>.npz       detections of videos
-      .cache/.used/<action>             `<stage>/<key>`, a line for every result that it has used
       .cache/files.json                 digests of files that have not changed (file_memory.py)
 
 The time of last use is the file's access time, which `mark_used` sets; a mount option (noatime,
@@ -30,22 +29,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from imocap_core.artifacts.file_memory import exclusive, remembered
-from imocap_core.artifacts.shared_store import KEY, fetch_artifact, share_artifact, share_file
 from imocap_core.artifacts.side_files import check_names, has_files, refuse_links, replace_folder
 from imocap_core.errors import ArtifactCorrupt
-from imocap_core.files import appearing, write_whole, writer_has_ended
+from imocap_core.files import appearing, writer_has_ended
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.codec import Content
     from imocap_core.artifacts.schemas.base import Artifact
-    from imocap_core.artifacts.shared_store import SharedFiles
 
 
-CACHE, USED = ".cache", ".used"
+CACHE = ".cache"
 REPORT = "report"
+KEY = "key"  # of the provenance
 SUFFIXES = (".mcap", ".npz")
 SWEEP_S = 86400.0
-OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*", "*/.shared-*")
+OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*")
 OF_ACTION = (".*.part*", "*/.*.part*", "*/*/.*.part*", ".report-*", ".stage-*")
 
 
@@ -54,7 +52,7 @@ class CachedResult:
     """One file of the cache.
 
     used_s: time of last use, seconds since the epoch. in_use: it is the current artifact of an
-    action, or the current detections of a video. actions: those that have used it, as recorded.
+    action, or the current detections of a video.
     """
 
     file: Path
@@ -63,21 +61,14 @@ class CachedResult:
     size_bytes: int
     used_s: float
     in_use: bool
-    actions: frozenset[str]
 
 
-def mark_used(store: Path, action: str, stage: str, key: str) -> None:
-    """Record that an action uses a cached result now; nothing happens when the file is gone."""
+def mark_used(store: Path, stage: str, key: str) -> None:
+    """Record that a cached result is used now; nothing happens when the file is gone."""
     file = store / CACHE / stage / f"{key}.mcap"
     with suppress(OSError):
         times = file.stat()
         os.utime(file, ns=(time.time_ns(), times.st_mtime_ns))
-        record = store / CACHE / USED / action
-        line = f"{stage}/{key}"
-        if line not in _lines(record):
-            record.parent.mkdir(parents=True, exist_ok=True)
-            with record.open("a", encoding="utf-8") as stream:
-                stream.write(line + "\n")
 
 
 def cached_results(store: Path, used_files: Iterable[Path] = ()) -> list[CachedResult]:
@@ -86,7 +77,6 @@ def cached_results(store: Path, used_files: Iterable[Path] = ()) -> list[CachedR
     used_files: further files of the cache that are in use (the detections of existing actions).
     """
     current = {_identity(file) for file in [*store.glob("*/*.mcap"), *used_files]}
-    users = _users(store)
     results = []
     for file in (store / CACHE).glob("*/*"):
         hidden = file.name.startswith(".") or file.parent.name.startswith(".")
@@ -103,7 +93,6 @@ def cached_results(store: Path, used_files: Iterable[Path] = ()) -> list[CachedR
                     status.st_size,
                     max(status.st_atime, status.st_mtime),
                     _identity(file) in current,
-                    users.get(f"{stage}/{key}", frozenset()),
                 )
             )
     return sorted(results, key=lambda result: (result.used_s, result.file))
@@ -113,18 +102,16 @@ def removable(
     results: Sequence[CachedResult],
     *,
     now_s: float,
-    action: str | None = None,
     older_s: float | None = None,
     max_bytes: int | None = None,
 ) -> list[CachedResult]:
     """The results to remove, the least recently used first; none that is in use.
 
     Args:
-        action: only results that this action and no other has used.
         older_s: those that have not been used for this time.
         max_bytes: as many more as bring all results (in use or not) to this size, if possible.
     """
-    candidates = [r for r in results if not r.in_use and (action is None or r.actions == {action})]
+    candidates = [r for r in results if not r.in_use]
     chosen = [] if older_s is None else [r for r in candidates if now_s - r.used_s > older_s]
     if max_bytes is not None:
         size = sum(r.size_bytes for r in results) - sum(r.size_bytes for r in chosen)
@@ -175,16 +162,10 @@ def sweep(store: Path, action: str) -> None:
                 _delete(path)
 
 
-def remove(store: Path, paths: Iterable[Path]) -> None:
-    """Delete files and folders of a store, and what the records of use say of them."""
+def remove(paths: Iterable[Path]) -> None:
+    """Delete files and folders of a store."""
     for path in paths:
         _delete(path)
-    for record in (store / CACHE / USED).glob("*"):
-        lines = [line for line in _lines(record) if (store / CACHE / f"{line}.mcap").is_file()]
-        if lines:
-            write_whole(record, "".join(f"{line}\n" for line in lines))
-        else:
-            record.unlink(missing_ok=True)
 
 
 def _delete(path: Path) -> None:
@@ -199,18 +180,6 @@ def size_of(path: Path) -> int:
     if path.is_dir():
         return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     return path.stat().st_size
-
-
-def _users(store: Path) -> dict[str, frozenset[str]]:
-    users: dict[str, set[str]] = {}
-    for record in (store / CACHE / USED).glob("*"):
-        for line in _lines(record):
-            users.setdefault(line, set()).add(record.name)
-    return {line: frozenset(actions) for line, actions in users.items()}
-
-
-def _lines(record: Path) -> list[str]:
-    return record.read_text("utf-8", errors="replace").split() if record.is_file() else []
 
 
 def _identity(file: Path) -> tuple[int, int] | None:
@@ -276,13 +245,9 @@ class Stored:
 
 @dataclass(frozen=True)
 class Store:
-    """The artifacts below one folder.
-
-    shared: where results are looked for that are not here, and published.
-    """
+    """The artifacts below one folder."""
 
     folder: Path
-    shared: SharedFiles | None = None
 
     def current(self, action: str, stage: str) -> Path:
         """Path of a stage's current artifact."""
@@ -306,44 +271,21 @@ class Store:
 
     def find(self, action: str, stage: str, key: str) -> Stored | None:
         """The result made under `key`, read and checked; None when there is none or it can't be
-        read back. One of the shared store is copied into the cache."""
+        read back."""
         for stored in self._made_under(action, stage, key):
             with suppress(ArtifactCorrupt):
                 return stored.read()
-        return self._fetch(stage, key)
+        return None
 
     def look_up(self, action: str, stage: str, key: str) -> Stored | None:
         """As `find`, but a file that was read before and has not changed is not read again."""
-        return next(self._made_under(action, stage, key), None) or self._fetch(stage, key)
+        return next(self._made_under(action, stage, key), None)
 
     def _made_under(self, action: str, stage: str, key: str) -> Iterator[Stored]:
         for file in (self.current(action, stage), self.cached(stage, key)):
             with suppress(ArtifactCorrupt):
                 if file.is_file() and (stored := _unread(file)).key == key:
                     yield stored
-
-    def _fetch(self, stage: str, key: str) -> Stored | None:
-        if self.shared is None:
-            return None
-        file = self.cached(stage, key)
-        content = fetch_artifact(self.shared, stage, key, file)
-        return None if content is None else stored_as(file, content)
-
-    def share(self, stage: str, stored: Stored, *, made: bool) -> Stored:
-        """Publish a result in the shared store; the result that counts.
-
-        made: it was made now. Where the store has another one under this key, that one counts.
-        """
-        if self.shared is None:
-            return stored
-        file = self.cached(stage, stored.key)
-        if not made:
-            if not file.is_file():  # an action can have its current artifact alone
-                _link(stored.file, file)
-            share_file(self.shared, stage, file)
-            return stored
-        theirs = share_artifact(self.shared, stage, stored.key, file, stored.digest)
-        return stored if theirs is None else stored_as(file, theirs)
 
     def put(
         self,
@@ -381,7 +323,7 @@ class Store:
         report = self.report(action)
         if stored.has_files and not (again and _is_report_of(report, stored)):
             replace_folder(report, stored.content.files)
-        mark_used(self.folder, action, stage, stored.key)
+        mark_used(self.folder, stage, stored.key)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
         """Lock an action for one run; a second run calls `waiting` once and then waits.

@@ -1,4 +1,4 @@
-"""Commands on actions: `init`, `collect`, `pick`, `detect`, `people`, `list`, `push` and others."""
+"""Commands on actions: `init`, `collect`, `pick`, `detect`, `people`, `list` and `clean`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from imocap_core.cli.options import (
     ActionName,
     Json,
     Sets,
-    SharedStore,
     action_names,
     counted,
     print_json,
@@ -298,63 +297,8 @@ def list_command(context: typer.Context, as_json: Json = False) -> None:
         typer.echo("  ".join([*cells, row[-1]]).rstrip())
 
 
-def push_command(
-    context: typer.Context,
-    action: ActionName,
-    store: SharedStore = None,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Where the store has another action of this name.")
-    ] = False,
-    as_json: Json = False,
-) -> None:
-    """Copy an action and its results into a shared store."""
-    from imocap_core.library.push_pull import push
-
-    pushed = push(action, store=_required(store), root=root_of(context), replace=replace)
-    if as_json:
-        print_json(pushed)
-        return
-    speaker(markup=False).print(
-        f"{pushed.action}: {len(pushed.files)} files, {len(pushed.new_files)} of them new there; "
-        f"results of {len(pushed.results)} stages."
-    )
-
-
-def pull_command(
-    context: typer.Context,
-    action: Annotated[str, typer.Argument(help="The name under which it was pushed.")],
-    store: SharedStore = None,
-    as_json: Json = False,
-) -> None:
-    """Copy an action and its results from a shared store."""
-    from imocap_core.library.push_pull import pull
-
-    pulled = pull(action, store=_required(store), root=root_of(context))
-    if as_json:
-        print_json(pulled)
-        return
-    console = speaker(markup=False)
-    state = "fetched" if pulled.new else "was here"
-    console.print(f"{pulled.folder}: {state}; results of {len(pulled.results)} stages.")
-    if pulled.missing:
-        console.print(f"The store has no whole results of {', '.join(pulled.missing)}.")
-
-
-def _required(store: str | None) -> str:
-    if store is None:
-        raise WrongUse("expected --store URL, or IMOCAP_STORE: where the shared store is")
-    return store
-
-
 def clean_command(
     context: typer.Context,
-    action: Annotated[
-        str | None,
-        typer.Argument(
-            help="Remove only results that this action and no other has used.",
-            autocompletion=action_names,
-        ),
-    ] = None,
     older: Annotated[
         float | None,
         typer.Option(min=0, metavar="DAYS", help="Remove results not used for this many days."),
@@ -375,9 +319,7 @@ def clean_command(
     from imocap_core.library.cleaning import bytes_of, clean
 
     max_bytes = None if max_size is None else bytes_of(max_size)
-    cleaning = clean(
-        action, older_days=older, max_bytes=max_bytes, dry_run=dry_run, root=root_of(context)
-    )
+    cleaning = clean(older_days=older, max_bytes=max_bytes, dry_run=dry_run, root=root_of(context))
     console = speaker(markup=False)
     if cleaning.rows:
         console.print(_cache_table(cleaning))

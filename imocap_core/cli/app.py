@@ -17,8 +17,6 @@ from imocap_core.cli.action_commands import (
     list_command,
     people_command,
     pick_command,
-    pull_command,
-    push_command,
 )
 from imocap_core.cli.reference_commands import (
     add_benchmarks,
@@ -74,8 +72,6 @@ for _command in (
     people_command,
     params_command,
     formats_command,
-    push_command,
-    pull_command,
     clean_command,
 ):
     app.command(_command.__name__.removesuffix("_command").replace("_", "-"))(_command)

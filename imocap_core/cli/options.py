@@ -72,15 +72,6 @@ ResultSets = Annotated[
         "--set", metavar="GROUP.NAME=VALUE", help="A parameter that the result was made with."
     ),
 ]
-SharedStore = Annotated[
-    str | None,
-    typer.Option(
-        "--store",
-        metavar="URL",
-        envvar="IMOCAP_STORE",
-        help="A store that several machines share: a folder, or s3://BUCKET/PATH.",
-    ),
-]
 Device = Annotated[
     str,
     typer.Option(

@@ -13,7 +13,6 @@ from imocap_core.cli.options import (
     Device,
     Json,
     Sets,
-    SharedStore,
     StageName,
     Verbose,
     action_names,
@@ -55,7 +54,6 @@ def run_command(
     until: Annotated[
         str | None, typer.Option(help="Stop after this stage.", autocompletion=stage_names)
     ] = None,
-    store: SharedStore = None,
     device: Device = "cpu",
     watch: Annotated[
         bool, typer.Option("--watch", help="Of one folder: run again when clips come or go.")
@@ -74,7 +72,7 @@ def run_command(
         if as_json or len(words) != 1 or not Path(words[0]).is_dir():
             raise WrongUse("--watch: expected one folder of videos, and no --json")
         ask_about_scripts(context)
-        options = {"params": sets, "until": until, "store": store, "device": device}
+        options = {"params": sets, "until": until, "device": device}
         _watch(root_of(context), Path(words[0]), name, verbose, options)
     action, remarks = action_of_words(root_of(context), words, name)
 
@@ -85,7 +83,6 @@ def run_command(
             params=sets,
             force=force,
             until=until,
-            store=store,
             device=device,
             progress=progress,
         )
@@ -210,12 +207,8 @@ def run_all_command(
     address: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="A Dask scheduler to use.")
     ] = None,
-    memory: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Largest memory of a worker, as 4G.")
-    ] = None,
     retries: Annotated[int, typer.Option(help="Further attempts at a task whose worker died.")] = 1,
     sets: Sets = [],  # noqa: B006
-    store: SharedStore = None,
     device: Device = "cpu",
     verbose: Verbose = False,
     as_json: Json = False,
@@ -226,18 +219,14 @@ def run_all_command(
     """
     from imocap_core.library.run_all import ExecutorChoice, check_choice, run_all
     from imocap_core.library.run_all_terminal import ManyActions
-    from imocap_core.process import memory_size
 
     if bool(actions) == every:
         raise WrongUse("expected actions, or --all for every one below actions/: one of them")
-    limit = None if memory is None else memory_size(memory)
-    choice = ExecutorChoice(executor, workers, address, limit, retries)
+    choice = ExecutorChoice(executor, workers, address, retries)
     check_choice(choice)
     chosen = None if every else actions
     if as_json:
-        ends = run_all(
-            chosen, root=root_of(context), params=sets, executor=choice, store=store, device=device
-        )
+        ends = run_all(chosen, root=root_of(context), params=sets, executor=choice, device=device)
         print_json({"actions": ends})
     else:
         ask_about_scripts(context)
@@ -248,7 +237,6 @@ def run_all_command(
                 root=root_of(context),
                 params=sets,
                 executor=choice,
-                store=store,
                 device=device,
                 listener=display.listener(),
             )
@@ -281,13 +269,12 @@ def status_command(
     context: typer.Context,
     action: ActionName,
     sets: Sets = [],  # noqa: B006
-    store: SharedStore = None,
     as_json: Json = False,
 ) -> None:
     """Show which stages are cached, and why others would run."""
     from imocap_core.library.status import left_out_notes, left_out_of, status, stored_of, verdict
 
-    stages = status(action, root=root_of(context), params=sets, store=store)
+    stages = status(action, root=root_of(context), params=sets)
     stored = stored_of(stages)
     if as_json:
         rows = [

@@ -37,13 +37,14 @@ from imocap_core.collect.same_takes import showings
 from imocap_core.conventions import mirror_indices
 from imocap_core.detect.detectors import detector_of
 from imocap_core.errors import WorkFailed
-from imocap_core.params import CollectParams, Params
+from imocap_core.params import Params
 from imocap_core.pipeline.action import declared_path
 from imocap_core.pipeline.runner import Display
 from imocap_core.sync_sources import VideoSource, labels
 from imocap_core.workspace import Workspace
 
 STEP = "collect"
+_MARGIN_S = 0.15  # of a shot, taken before and after an occurrence
 
 
 def collect_films(
@@ -64,7 +65,7 @@ def collect_films(
     people = film_tracks(films, params.keypoints)
     movement = _movement(workspace, example, films, people, params, display)
     display.progress(0.9, "looking for the action")
-    by_example = matches_of_all(people, movement.template, params.collect)
+    by_example = matches_of_all(people, movement.template)
     display.progress(0.95, "looking for more like what was found")
     every = by_further_examples(people, by_example, params.collect)
     least = threshold(every, params.collect)
@@ -80,7 +81,7 @@ def collect_films(
             f"{'the example' if movement.given else 'anything else in it'}: give another example "
             "with --like VIDEO --from S --to S, or a smaller --set collect.least_contrast"
         )
-    occurrences = [_occurrence(m, films, people, params.collect) for m in matches]
+    occurrences = [_occurrence(m, films, people) for m in matches]
     matches, occurrences = _each_once(matches, occurrences)
     same_takes = showings(
         occurrences,
@@ -145,19 +146,17 @@ def _movement(
 ) -> SoughtMovement:
     if example is None:
         display.progress(0.5, "looking for what is repeated")
-        return repeated_movement(films, people, params.collect, params.repetitions)
+        return repeated_movement(films, people, params.repetitions)
     same = [f for f in films if f.path.resolve() == example.video.resolve()]
     film = same[0] if same else _looked_through(workspace, [example.video], params, display)[0]
     return example_movement(example, film, people, params.keypoints)
 
 
-def _occurrence(
-    match: Match, films: Sequence[LongFilm], people: FilmTracks, params: CollectParams
-) -> Occurrence:
+def _occurrence(match: Match, films: Sequence[LongFilm], people: FilmTracks) -> Occurrence:
     track = people.tracks[match.track]
     alone = len(people.of_shot(track.film, track.shot)) == 1
     shot = films[track.film].shots[track.shot]
-    return occurrence_of(match, track, shot, params.margin_s, alone=alone)
+    return occurrence_of(match, track, shot, _MARGIN_S, alone=alone)
 
 
 def _listed_film(

@@ -140,6 +140,8 @@ def view_difference_deg(a: Occurrence, b: Occurrence) -> float:
 
 
 LEAST_S = 0.4  # a shorter one has too little motion
+_LEAST_VISIBLE = 0.8  # share of the frames in which the person must be detected
+_VIEW_DEG = 30.0  # directions that differ by less show the same view
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ def decide(
             decisions[i] = Decision(False, fault)
         else:
             usable.append(i)
-    ranked = _by_view(occurrences, usable, params.view_deg)
+    ranked = _by_view(occurrences, usable)
     for place, i in enumerate(ranked):
         reason = "" if place < params.keep else _less(occurrences, ranked, i, names, params)
         decisions[i] = Decision(place < params.keep, reason)
@@ -195,7 +197,7 @@ def _fault(occurrence: Occurrence, fps: float, params: CollectParams) -> str:
         return f"too small: {occurrence.height_px:.0f} px"
     if (occurrence.stop - occurrence.first) / fps < LEAST_S:
         return f"too short: {(occurrence.stop - occurrence.first) / fps:.1f} s"
-    if occurrence.visible < params.least_visible:
+    if occurrence.visible < _LEAST_VISIBLE:
         return f"the person is detected in {occurrence.visible:.0%} of it only"
     return ""
 
@@ -206,9 +208,7 @@ def _showing(same: SameTakeAs, names: Sequence[str]) -> str:
     return f"replay of {names[same.other]} at {same.rate:.2g} times its speed"
 
 
-def _by_view(
-    occurrences: Sequence[Occurrence], usable: Sequence[int], view_deg: float
-) -> list[int]:
+def _by_view(occurrences: Sequence[Occurrence], usable: Sequence[int]) -> list[int]:
     """The usable ones in the order in which they are taken: the best one of each view, then the
     second best of each, and so on."""
     placed: list[tuple[int, float, int]] = []
@@ -216,7 +216,7 @@ def _by_view(
         near = [
             k
             for _, _, k in placed
-            if view_difference_deg(occurrences[i], occurrences[k]) < view_deg
+            if view_difference_deg(occurrences[i], occurrences[k]) < _VIEW_DEG
         ]
         placed.append((len(near), -occurrences[i].quality, i))
     return [i for _, _, i in sorted(placed)]
@@ -232,7 +232,7 @@ def _less(
     near = [
         names[k]
         for k in ranked[: params.keep]
-        if view_difference_deg(occurrences[i], occurrences[k]) < params.view_deg
+        if view_difference_deg(occurrences[i], occurrences[k]) < _VIEW_DEG
     ]
     if near:
         return f"less visible than others of that view ({', '.join(near)})"

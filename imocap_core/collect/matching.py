@@ -31,6 +31,11 @@ from imocap_core.sync.repetition import subsequence_dtw
 RATE_HZ = 12.0  # samples a second of the action
 WINDOW_S = 0.15  # of the action, from the middle of a window to its ends
 RATES = (0.25, 0.5, 1.0, 2.0)  # playback rates; the warp covers those between them
+_SLOWEST, _FASTEST = 0.2, 2.5  # playback rate of an occurrence
+_MATCH_LEVEL = (
+    0.6  # squared distance of poses that are alike, of that to the median pose of the films
+)
+MIRROR_MARGIN = 0.3  # in score, by which a mirrored match must be better
 MATCHED_JOINTS = [
     SMPL_JOINTS.index(name)
     for name in (
@@ -224,34 +229,30 @@ def template_of(samples: TrackSamples, pool: TrackSamples) -> Template:
 
 
 def similarity(
-    template: Template, samples: TrackSamples, level: float, *, mirror: bool = False
+    template: Template, samples: TrackSamples, *, mirror: bool = False
 ) -> Float[np.ndarray, "n N"]:
-    """1 for equal windows, 0 at `level` times the background's distance, at least WORST, all times
-    the weight of the template's window."""
+    """1 for equal windows, 0 at _MATCH_LEVEL times the background's distance, at least WORST, all
+    times the weight of the template's window."""
     squares = squared_distances(template.samples, mirrored(samples) if mirror else samples)
     scale = template.background[:, None]
-    ratio = np.where(np.isfinite(squares), squares / (level * scale), UNSEEN)
+    ratio = np.where(np.isfinite(squares), squares / (_MATCH_LEVEL * scale), UNSEEN)
     return np.clip(1.0 - ratio, WORST, 1.0) * template.weight[:, None]
 
 
 def matches_in(
-    index: int,
-    track: ShotTrack,
-    rates: Sequence[TrackSamples],
-    template: Template,
-    params: CollectParams,
+    index: int, track: ShotTrack, rates: Sequence[TrackSamples], template: Template
 ) -> list[Match]:
     """The matches of a template in one track, the best first, without overlap, of any score."""
     every = [
         match
         for samples in rates
         for mirror in (False, True)
-        for match in _candidates(index, track, samples, template, params, mirror)
+        for match in _candidates(index, track, samples, template, mirror)
     ]
     best: list[Match] = []
     for match in sorted(every, key=lambda m: -m.score):
         if all(overlap(match, other) <= OVERLAP for other in best):
-            best.append(_by_side(match, every, params.mirror_margin))
+            best.append(_by_side(match, every))
     return best
 
 
@@ -270,37 +271,32 @@ def score_threshold(best: Sequence[float], params: CollectParams) -> float:
 
 
 def _candidates(
-    index: int,
-    track: ShotTrack,
-    samples: TrackSamples,
-    template: Template,
-    params: CollectParams,
-    mirror: bool,
+    index: int, track: ShotTrack, samples: TrackSamples, template: Template, mirror: bool
 ) -> list[Match]:
     """The best match that ends with each sample."""
     n = len(template.background)
     if 2 * len(samples.frame) < n:
         return []
     whole = float(template.weight.sum())
-    total, begin = subsequence_dtw(similarity(template, samples, params.match_level, mirror=mirror))
+    total, begin = subsequence_dtw(similarity(template, samples, mirror=mirror))
     matches = []
     for end in np.flatnonzero(total[-1] > 0):
         first, last = samples.frame[begin[-1, end]], samples.frame[end]
         rate = (n - 1) / RATE_HZ * track.fps / max(last - first, 1.0)
-        if params.slowest <= rate <= params.fastest:
+        if _SLOWEST <= rate <= _FASTEST:
             score = float(total[-1, end]) / whole
             matches.append(Match(index, int(first), int(last) + 1, rate, score, mirror))
     return matches
 
 
-def _by_side(match: Match, every: Sequence[Match], margin: float) -> Match:
+def _by_side(match: Match, every: Sequence[Match]) -> Match:
     """The match as it is or mirrored: mirrored only where it is better by a clear margin."""
     there = [m for m in every if overlap(m, match) > 0.5]
     plain = [m for m in there if not m.mirrored]
     best = max(plain, key=lambda m: m.score) if plain else None
     reflected = max((m.score for m in there if m.mirrored), default=0.0)
     gain = reflected - (best.score if best is not None else 0.0)
-    if not match.mirrored or best is None or gain >= margin:
+    if not match.mirrored or best is None or gain >= MIRROR_MARGIN:
         return replace(match, mirror_margin=gain)
     return replace(best, mirror_margin=gain)
 

@@ -99,13 +99,14 @@ def in_whole_cycles(matches: Sequence[Match], cycles: Sequence[Span], least: flo
 MAX_STARTS = 160  # stretches that are tried
 COUNTED = 0.5  # of the least likeness is subtracted: what is just like enough counts half
 TRIED_RATES = (0.25, 1.0)
+_SHORTEST_S, _LONGEST_S = 1.0, 3.0
+_RECURRING_SCORE = 0.6  # from which on a stretch counts as a repetition
 
 
 def dominant_template(
     tracks: Sequence[Sequence[TrackSamples]],
     pool: TrackSamples,
     same_take: Callable[[int, int], bool],
-    params: CollectParams,
 ) -> tuple[Template, int, int] | None:
     """The template, the track that it is of, and the sample (at rate 1) that it begins with; None
     where nothing recurs.
@@ -114,14 +115,14 @@ def dominant_template(
         tracks: of each track its samples at several rates.
         same_take: whether two tracks show one take, which explains nothing.
     """
-    shortest, longest = (round(s * RATE_HZ) for s in (params.shortest_s, params.longest_s))
+    shortest, longest = (round(s * RATE_HZ) for s in (_SHORTEST_S, _LONGEST_S))
     best: tuple[float, int, int, int] | None = None
     for track, start in _starts(tracks, shortest):
         stretch = part_of(at_rate(tracks[track], 1.0), slice(start, start + longest))
         template = template_of(stretch, pool)
         explained = np.zeros(len(stretch.frame))
         for other, rates in enumerate(tracks):
-            gain = _explained(template, rates, params)
+            gain = _explained(template, rates)
             if gain.any() and other != track and not same_take(track, other):
                 explained += gain
         explained[: shortest - 1] = 0.0
@@ -135,18 +136,16 @@ def dominant_template(
     return template_of(stretch, pool), track, start
 
 
-def _explained(
-    template: Template, rates: Sequence[TrackSamples], params: CollectParams
-) -> Float[np.ndarray, " n"]:
+def _explained(template: Template, rates: Sequence[TrackSamples]) -> Float[np.ndarray, " n"]:
     """How much of a track every beginning of a template explains: the weighted samples of its
     occurrences, times by how much they exceed the least likeness."""
     weight = np.cumsum(template.weight)
     explained = np.zeros(len(weight))
     for samples in rates:
         if samples.rate in TRIED_RATES:
-            row = similarity(template, samples, params.match_level)
+            row = similarity(template, samples)
             total, begin = subsequence_dtw(row)
-            least = params.recurring_score * weight[:, None]
+            least = _RECURRING_SCORE * weight[:, None]
             value = np.where(total >= least, total - COUNTED * least, -np.inf)
             explained = np.maximum(explained, best_totals(value, begin)[:, -1])
     return explained
@@ -168,12 +167,10 @@ MOST = 6
 SAME = 0.5  # of the shorter stretch that two matches of one occurrence share
 
 
-def matches_of_all(
-    people: FilmTracks, template: Template, params: CollectParams
-) -> list[list[Match]]:
+def matches_of_all(people: FilmTracks, template: Template) -> list[list[Match]]:
     """Of each track the matches of a template, the best first."""
     pairs = zip(people.tracks, people.samples, strict=True)
-    return [matches_in(i, track, rates, template, params) for i, (track, rates) in enumerate(pairs)]
+    return [matches_in(i, track, rates, template) for i, (track, rates) in enumerate(pairs)]
 
 
 def by_further_examples(
@@ -183,7 +180,7 @@ def by_further_examples(
     best first."""
     examples, pool = clearest(matches, params), people.pool()
     templates = [template_at(people, match, pool) for match in examples]
-    rematched = [matches_of_all(people, template, params) for template in templates]
+    rematched = [matches_of_all(people, template) for template in templates]
 
     def score(match: Match) -> float:
         others = [
@@ -246,10 +243,7 @@ class SoughtMovement:
 
 
 def repeated_movement(
-    films: Sequence[LongFilm],
-    people: FilmTracks,
-    params: CollectParams,
-    repetitions: RepetitionParams,
+    films: Sequence[LongFilm], people: FilmTracks, repetitions: RepetitionParams
 ) -> SoughtMovement:
     """The movement that is repeated most in the films. WorkFailed where none is."""
     twins = mirror_indices(layout_names(films[0].people.layout))
@@ -258,7 +252,7 @@ def repeated_movement(
     def same_take(a: int, b: int) -> bool:
         return shows_again(people.tracks[a], people.tracks[b], twins)
 
-    best = dominant_template(people.samples, people.pool(), same_take, params)
+    best = dominant_template(people.samples, people.pool(), same_take)
     if best is None:
         raise WorkFailed(
             "no movement is repeated in these films: give an example with --like VIDEO --from S "

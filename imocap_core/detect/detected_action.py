@@ -15,9 +15,7 @@ from imocap_core.detect.detection import (
     detect_video,
     detect_videos,
     detections_file,
-    fetch_detections_of,
     set_up,
-    share_detections,
 )
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.errors import WorkFailed
@@ -37,9 +35,7 @@ def with_detections(action: Action, params: DetectParams, store: Store) -> Actio
         action,
         videos=tuple(_declared(v, detector) if v.detected else v for v in action.videos),
         detected={
-            video: file
-            for video, file in files.items()
-            if file is not None and fetch_detections_of(store, file)
+            video: file for video, file in files.items() if file is not None and file.is_file()
         },
     )
 
@@ -71,10 +67,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         assert file is not None
         assert declared.video is not None
         undetected[file] = Undetected(path_of(action.folder, declared.video), file)
-    try:
-        broken = detect_videos([*undetected.values()], detector, python, display.progress)
-    finally:
-        share_detections(store, [file for file in undetected if file.is_file()])
+    broken = detect_videos([*undetected.values()], detector, python, display.progress)
     _require_enough(action, [*unreadable, *(f"{action.file}: {error}" for error in broken)])
 
 
@@ -96,7 +89,6 @@ def detect_one(
         detect_video(
             path_of(action.folder, str(declared.video)), file, detector, python, display.progress
         )
-    share_detections(store, [file] if file.is_file() else [])
 
 
 def _require_enough(action: Action, faults: Sequence[str]) -> None:

@@ -23,7 +23,6 @@ import numpy as np
 from jaxtyping import UInt8
 
 from imocap_core.artifacts.file_memory import exclusive
-from imocap_core.artifacts.shared_store import fetch_detections, share_file
 from imocap_core.artifacts.store import Store
 from imocap_core.detect.detectors import Detector, frames_with_people
 from imocap_core.detect.environment import FOLDER as ENVIRONMENT_FOLDER
@@ -237,20 +236,6 @@ def with_last(items: Iterable[Item]) -> Iterable[tuple[Item, bool]]:
         waiting.append(item)
     for item in waiting:
         yield item, True
-
-
-def fetch_detections_of(store: Store, file: Path) -> bool:
-    """Whether a video's detections are here, or can be fetched from the shared store."""
-    if file.is_file():
-        return True
-    return store.shared is not None and fetch_detections(store.shared, file)
-
-
-def share_detections(store: Store, files: Iterable[Path]) -> None:
-    """Publish the detections of videos in the shared store, where there is one."""
-    for file in files:
-        if store.shared is not None:
-            share_file(store.shared, FOLDER, file)
 
 
 def detect_video(

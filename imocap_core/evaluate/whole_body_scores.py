@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion_schemas import VideoMotion
@@ -31,42 +31,25 @@ from imocap_core.metrics import scoring, trajectory
 from imocap_core.metrics.position import hip_midpoint, mean_over_frames
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow, scored_row
 from imocap_core.metrics.whole_body import (
-    closed_part,
     edges_of,
     joint_rotation_errors_deg,
+    mpjae_deg,
     pa_pve_mm,
     segment_rotations,
     stretched_edge_shares,
     vertex_distances_mm,
-    volumes_m3,
 )
 from imocap_core.workers import thread_map
-
-TORSO = ("spine1", "spine2", "spine3", "left_collar", "right_collar")
-"""The torso above the pelvis, whose own volume changes whenever the hips bend."""
-
-HAND_PARTS = ("wrist", "hand", "thumb", "index", "middle", "ring", "pinky")
-"""In the names of the joints that keypoints of the body say nothing of."""
 
 FOOT_POINTS = ("left_heel", "left_big_toe", "right_heel", "right_big_toe")
 _CHUNK = 32  # frames whose surfaces are in memory together
 
 
 @dataclass(frozen=True)
-class SurfaceMesh:
-    """What the measures of a body's surface need of its mesh; see `mesh_stretch`."""
-
-    edges: Int[np.ndarray, "E 2"]
-    torso_faces: Int[np.ndarray, "G 3"]
-    torso_ends: Int[np.ndarray, "B 3"]
-
-
-@dataclass(frozen=True)
 class VertexErrors:
-    """PVE about the hips' middle, the same without hands, and after Procrustes; mm."""
+    """PVE about the hips' middle, and after Procrustes; mm."""
 
     pve: float
-    pve_without_hands: float
     pa_pve: float
 
 
@@ -74,29 +57,21 @@ class VertexErrors:
 class SurfaceMeasures:
     """Distortion of a body's surface against the same person's at rest, and its errors.
 
-    stretched_shares: of edges, per frame; torso_volumes: relative to rest. errors: None without
-    a true surface.
+    stretched_shares: of edges, per frame. errors: None without a true surface.
     """
 
     stretched_shares: Float[np.ndarray, " T"]
-    torso_volumes: Float[np.ndarray, " T"]
     errors: VertexErrors | None
 
 
 @lru_cache(maxsize=2)
-def surface_mesh(model: Model) -> SurfaceMesh:
-    """Edges and torso of a body model.
-
-    A vertex belongs to the torso when its largest skinning weight is that of a joint of TORSO.
-    """
-    faces = model.faces.cpu().numpy()
-    torso = [model.joint_names.index(name) for name in TORSO]
-    part = np.isin(model.weights.argmax(dim=1).cpu().numpy(), torso)
-    return SurfaceMesh(edges_of(faces), *closed_part(faces, part))
+def surface_edges(model: Model) -> Int[np.ndarray, "E 2"]:
+    """The edges of a body model's surface."""
+    return edges_of(model.faces.cpu().numpy())
 
 
 def measure_surfaces(
-    predicted: Sequence[Posed], true: Posed | None, mesh: SurfaceMesh
+    predicted: Sequence[Posed], true: Posed | None, edges: Int[np.ndarray, "E 2"]
 ) -> list[SurfaceMeasures]:
     """Measures of several results of one video; each surface is skinned once.
 
@@ -110,7 +85,7 @@ def measure_surfaces(
         last = None if true is None else surfaces[-1]
         for measures, surface in zip(measured, surfaces, strict=False):
             errors = None if last is None else _vertex_errors_mm(surface, last)
-            measures.append(_distortion(surface, mesh, errors))
+            measures.append(_distortion(surface, edges, errors))
     return [_of_all_frames(measures, true is not None) for measures in measured]
 
 
@@ -133,44 +108,27 @@ def _surface(body: Posed, frames: slice) -> _Surface:
 
 
 def _distortion(
-    surface: _Surface, mesh: SurfaceMesh, errors: VertexErrors | None
+    surface: _Surface, edges: Int[np.ndarray, "E 2"], errors: VertexErrors | None
 ) -> SurfaceMeasures:
     """The measures that need no truth, beside those that do."""
-    volumes = volumes_m3(surface.vertices, mesh.torso_faces, mesh.torso_ends)
-    return SurfaceMeasures(
-        stretched_edge_shares(surface.vertices, surface.rest, mesh.edges),
-        volumes / volumes_m3(surface.rest, mesh.torso_faces, mesh.torso_ends),
-        errors,
-    )
+    return SurfaceMeasures(stretched_edge_shares(surface.vertices, surface.rest, edges), errors)
 
 
 def _vertex_errors_mm(predicted: _Surface, true: _Surface) -> VertexErrors:
     """Means over the frames of two surfaces."""
     pair = predicted.vertices, true.vertices
     distances = vertex_distances_mm(*pair, predicted.root, true.root)
-    without_hands = np.compress(~_hand_vertices(predicted.model), distances, axis=1)
-    return VertexErrors(
-        mean_over_frames(distances), mean_over_frames(without_hands), pa_pve_mm(*pair)
-    )
+    return VertexErrors(mean_over_frames(distances), pa_pve_mm(*pair))
 
 
 def _of_all_frames(parts: Sequence[SurfaceMeasures], scored: bool) -> SurfaceMeasures:
     errors = [astuple(part.errors) for part in parts if part.errors is not None]
     counts = [len(part.stretched_shares) for part in parts]
-    means = np.average(errors, axis=0, weights=counts) if errors else np.full(3, np.nan)
+    means = np.average(errors, axis=0, weights=counts) if errors else np.full(2, np.nan)
     return SurfaceMeasures(
         np.concatenate([np.zeros(0), *(part.stretched_shares for part in parts)]),
-        np.concatenate([np.zeros(0), *(part.torso_volumes for part in parts)]),
         VertexErrors(*(float(mean) for mean in means)) if scored else None,
     )
-
-
-@lru_cache(maxsize=2)
-def _hand_vertices(model: Model) -> Bool[np.ndarray, " V"]:
-    """Vertices whose largest skinning weight is that of a wrist or a joint beyond it."""
-    names = enumerate(model.joint_names)
-    beyond = [j for j, name in names if any(part in name for part in HAND_PARTS)]
-    return np.isin(model.weights.argmax(dim=1).cpu().numpy(), beyond)
 
 
 def foot_points_m(posed: Posed) -> Float[np.ndarray, "T 4 3"]:
@@ -216,21 +174,17 @@ def joint_rows(
     if true is None:
         unknown = truth is None or truth.joints is None
         note = NO_TRUTH if unknown else NO_CAMERA
-        metrics = (*scoring.JOINT_GROUPS, *scoring.WORLD_METRICS)
-        rows = scoring.unscored_rows(name, video.id, dict.fromkeys(metrics, note))
+        rows = scoring.unscored_rows(name, video.id, dict.fromkeys(scoring.WORLD_METRICS, note))
     else:
-        rows = [
-            *scoring.joint_group_rows(name, video.id, predicted, true),
-            *scoring.world_rows(name, video.id, predicted, true),
-        ]
+        rows = scoring.world_rows(name, video.id, predicted, true)
     segments = segment_rotations(_local_rotations(motion))
     rows += scoring.segment_rows(name, video.id, segments, true_segments(truth))
     if R_true is None:
         note = NO_TRUTH if truth is None else NO_POSE
-        notes = dict.fromkeys(scoring.ROTATION_METRICS, note)
-        rows += scoring.unscored_rows(name, video.id, notes)
+        rows.append(ScoreRow(name, video.id, scoring.MPJAE, None, note))
     else:
-        rows += scoring.rotation_rows(name, video.id, _local_rotations(motion), R_true)
+        value = mpjae_deg(_local_rotations(motion), R_true)
+        rows.append(scored_row(name, video.id, scoring.MPJAE, value, "no frame has both"))
     return [*rows, jitter]
 
 
@@ -287,21 +241,20 @@ def _surface_rows(
     bodies = [posed_body(model, motion, list(range(len(motion.frames)))) for motion in motions]
     same_model = truth is not None and truth.model == model_text(model.name, model.digest)
     true = true_body(video_truth(truth, video.id), model) if same_model else None
-    measured = measure_surfaces(bodies, true, surface_mesh(model))
+    measured = measure_surfaces(bodies, true, surface_edges(model))
     why_not = NO_TRUTH if truth is None else NO_SURFACE
 
     def rows(
         name: str, motion: VideoMotion, body: Posed, surface: SurfaceMeasures
     ) -> list[ScoreRow]:
-        shares, volumes = surface.stretched_shares, surface.torso_volumes
-        stretch = scoring.stretch_rows(name, video.id, shares, volumes)
+        stretch = [scoring.stretch_row(name, video.id, surface.stretched_shares)]
         if true is None or surface.errors is None:
             notes = dict.fromkeys(scoring.SURFACE_METRICS, why_not)
             return [*scoring.unscored_rows(name, video.id, notes), *stretch]
         feet = foot_points_m(body), foot_points_m(true)
         sliding = trajectory.foot_sliding_mm(*feet, consecutive(motion.frames), video.fps)
         values = (*astuple(surface.errors), sliding)
-        if_nan = (*("no frame has both",) * 3, "no foot is in contact")
+        if_nan = (*("no frame has both",) * 2, "no foot is in contact")
         scored = zip(scoring.SURFACE_METRICS, values, if_nan, strict=True)
         return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
 

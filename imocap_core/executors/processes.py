@@ -27,7 +27,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 from imocap_core.errors import WorkFailed, system_fault
 from imocap_core.executors.tasks import Begun, Ended, Event, Progressed, Task, Watch, attempt
-from imocap_core.process import limit_memory
 from imocap_core.workers import cores, python_command, take_share
 
 if TYPE_CHECKING:
@@ -45,12 +44,10 @@ Process = subprocess.Popen[bytes]
 class WorkerSettings:
     """How worker processes are started.
 
-    cores: that one may use. memory_bytes: the largest memory of one, None for no limit. fresh: each
-    task gets one of its own.
+    cores: that one may use. fresh: each task gets one of its own.
     """
 
     cores: int
-    memory_bytes: int | None
     fresh: bool
 
 
@@ -118,7 +115,7 @@ class Processes:
     def _start(self, name: str) -> Process:
         settings = self._settings
         process = subprocess.Popen(
-            python_command(PROGRAM, str(settings.cores), str(settings.memory_bytes or "")),
+            python_command(PROGRAM, str(settings.cores)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | dict.fromkeys(THREADS, "1"),
@@ -142,16 +139,13 @@ class Processes:
 
 
 @contextmanager
-def worker_processes(
-    workers: int, *, memory_bytes: int | None = None, fresh: bool = False
-) -> Iterator[Processes]:
+def worker_processes(workers: int, *, fresh: bool = False) -> Iterator[Processes]:
     """An executor with worker processes, which end with the body.
 
     Args:
-        memory_bytes: largest memory of one worker; None for no limit.
         fresh: every task gets a process of its own.
     """
-    executor = Processes(workers, WorkerSettings(max(1, cores() // workers), memory_bytes, fresh))
+    executor = Processes(workers, WorkerSettings(max(1, cores() // workers), fresh))
     try:
         yield executor
     finally:
@@ -209,13 +203,11 @@ def main() -> None:
     goes to the standard error.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cores, memory_bytes = sys.argv[1:]
+    (cores,) = sys.argv[1:]
     events = os.fdopen(os.dup(1), "wb")
     with suppress(OSError):
         os.dup2(2, 1)
     take_share(int(cores))
-    if memory_bytes:
-        limit_memory(int(memory_bytes))
     tasks: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
     busy = threading.Event()
     threading.Thread(target=_listen, args=(tasks, busy), daemon=True).start()
@@ -323,18 +315,13 @@ class Cluster:
 
 @contextmanager
 def dask_cluster(
-    workers: int,
-    address: str | None = None,
-    *,
-    memory_bytes: int | None = None,
-    announce: Callable[[str], None] = lambda text: None,
+    workers: int, address: str | None = None, *, announce: Callable[[str], None] = lambda text: None
 ) -> Iterator[Cluster]:
     """An executor on a Dask cluster.
 
     Args:
         workers: processes of a cluster on this machine, each with one thread.
         address: of a scheduler, instead of a cluster on this machine.
-        memory_bytes: largest memory of a worker of a cluster on this machine.
         announce: called with the address of the dashboard, where bokeh is installed.
 
     WorkFailed where distributed is not installed or the scheduler does not answer.
@@ -345,7 +332,7 @@ def dask_cluster(
         raise WorkFailed(MISSING) from None
     has_dashboard = importlib.util.find_spec("bokeh") is not None
     there = nullcontext((address, None))
-    here = _local_cluster(workers, memory_bytes) if address is None else there
+    here = _local_cluster(workers) if address is None else there
     with here as (address, process):
         try:
             client = Client(address, timeout=CONNECT_S)
@@ -364,13 +351,13 @@ def dask_cluster(
 
 
 @contextmanager
-def _local_cluster(workers: int, memory_bytes: int | None) -> Iterator[tuple[str, Process]]:
+def _local_cluster(workers: int) -> Iterator[tuple[str, Process]]:
     """Address of a scheduler in this process, and the process of its workers: of a Python that
     never imports this process's main module, as `LocalCluster`'s would."""
     from distributed import LocalCluster
 
     options = [f"--nworkers={workers}", "--nthreads=1", "--no-dashboard"]
-    options += [f"--death-timeout={START_S}", f"--memory-limit={memory_bytes or 0}"]
+    options += [f"--death-timeout={START_S}", "--memory-limit=0"]
     with LocalCluster(
         n_workers=0,
         processes=False,

@@ -1,155 +1,21 @@
-"""Round trips over three videos, standard deviations of joints, joint angles."""
+"""Standard deviations of joints, joint angles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from imocap_core.adapters.sync_maps import maps_of, nearest_by_affinity
-from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary, Table, Uncertainty
+from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Table, Uncertainty
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.conventions import EVAL_12, EVAL_INDICES
-from imocap_core.figures.overlays import Image, contact_sheet
-from imocap_core.figures.style import (
-    ACCENT,
-    INK,
-    QUIET,
-    grid,
-    headline,
-    new_figure,
-    rgb_of,
-    write_strip,
-)
+from imocap_core.figures.style import ACCENT, INK, QUIET, grid, headline, new_figure
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
 from imocap_core.technique import plain_angle, without_side
-
-Positions = Int[np.ndarray, " T"]  # where each frame of the trip's first video is
-
-_EXAMPLES = 5
-
-
-def chosen_trip(sync: Sync) -> list[str]:
-    """The reference and the two most central other videos that are not excluded, or fewer."""
-    rank = dict(zip(sync.ids, sync.centrality, strict=True))
-    others = [i for i in sync.ids if i != sync.reference and i not in sync.excluded]
-    return [sync.reference, *sorted(others, key=lambda i: -rank[i])[:2]]
-
-
-def round_trip(nearest: Callable[[str, str], Positions], trip: Sequence[str]) -> list[Positions]:
-    """Position of each frame of the first video of `trip` in each video of the trip, and in the
-    first again.
-
-    Args:
-        nearest: the most similar frame of a second video for each frame of a first.
-    """
-    steps = [nearest(here, there) for here, there in pairwise([*trip, trip[0]])]
-    positions: list[Positions] = [np.arange(len(steps[0]))]
-    for step in steps:
-        positions.append(step[positions[-1]])
-    return positions
-
-
-def trips_of(sync: Sync, trip: Sequence[str]) -> tuple[list[Positions], list[Positions]]:
-    """The round trip by the affinities alone, and after cycle consistency."""
-    maps, number = maps_of(sync), {name: v for v, name in enumerate(sync.ids)}
-    return (
-        round_trip(lambda a, b: nearest_by_affinity(sync, a, b), trip),
-        round_trip(lambda a, b: maps.pair(number[a], number[b]).largest(), trip),
-    )
-
-
-def cycle_starts(sync: Sync, trip: Sequence[str]) -> list[int]:
-    """Example frames of the first video, evenly over those matched in all videos of `trip`."""
-    inside = np.ones(sync.lengths[sync.ids.index(trip[0])], dtype=bool)
-    for sync_map in (m for m in sync.maps if m.id in trip[1:]):
-        matched = sync_map.reference_frame[np.isfinite(sync_map.reference_frame)]
-        if trip[0] == sync.reference and len(matched):
-            index = np.arange(len(inside))
-            inside &= (index >= matched.min()) & (index <= matched.max())
-    frames = np.flatnonzero(inside) if inside.any() else np.arange(len(inside))
-    examples = np.linspace(0.08, 0.92, _EXAMPLES) * (len(frames) - 1)
-    return [int(frames[k]) for k in np.unique(np.rint(examples).astype(int))]
-
-
-def cycle_frames(sync: Sync, trip: Sequence[str], starts: Sequence[int]) -> dict[str, set[int]]:
-    """Video -> the indices whose pictures `cycle_figure` shows."""
-    before, after = trips_of(sync, trip)
-    shown: dict[str, set[int]] = {video: set() for video in trip}
-    for video, positions in zip([*trip, trip[0]], after, strict=True):
-        shown[video] |= {int(positions[s]) for s in starts}
-    shown[trip[0]] |= {int(before[-1][s]) for s in starts}
-    return shown
-
-
-_NEAR_FRAMES = 2  # trips that end this close to their start count as closed
-
-
-def cycle_figures(
-    sync: Sync,
-    trip: Sequence[str],
-    starts: Sequence[int],
-    cells: Mapping[str, Mapping[int, Image]],
-    frames: Mapping[str, Int[np.ndarray, " _"]],
-) -> tuple[Figure, Figure]:
-    """Frames of the first video of `trip`, their matches in the others and back; and the distance
-    of every frame's end from its start, before and after cycle consistency.
-
-    Args:
-        trip: video ids; the trip returns to the first.
-        starts: indices of the first video's used frames.
-        cells: video -> index -> picture of a cell's size, for all indices of `cycle_frames`.
-        frames: video -> source frame numbers.
-    """
-    before, after = trips_of(sync, trip)
-    pictures = [
-        [(video, int(position[s])) for s in starts]
-        for video, position in zip([*trip, trip[0]], after, strict=True)
-    ]
-    pictures.append([(trip[0], int(before[-1][s])) for s in starts])
-    names = [f"{trip[0]}: start", *(f"to {i}" for i in trip[1:]), f"back in {trip[0]}"]
-    names.append("back, by the\naffinities alone")
-    rows = []
-    for r, row in enumerate(pictures):
-        rows.append([cells[video][index].copy() for video, index in row])
-        for cell, start, (video, index) in zip(rows[-1], starts, row, strict=True):
-            off = "" if r < len(trip) else f"{index - int(start):+d}".replace("+0", "0")
-            write_strip(cell, f"frame {frames[video][index]}", off, rgb_of(sync.ids, video), 0.8)
-    sheet = contact_sheet(rows, names, [f"{frames[trip[0]][s]} and back" for s in starts])
-    figure = new_figure(11.0, 3.2)
-    _returns(figure.subplots(), before, after, frames[trip[0]], trip)
-    return sheet, figure
-
-
-def _returns(
-    ax: Axes,
-    before: list[Positions],
-    after: list[Positions],
-    frames: Positions,
-    trip: Sequence[str],
-) -> None:
-    """The distance of every frame's end from its start."""
-    for positions, color, name in (
-        (before, "#d9a79b", "affinities alone"),
-        (after, "#28588a", "cycle-consistent"),
-    ):
-        off = positions[-1] - positions[0]
-        closed = float(np.mean(np.abs(off) <= _NEAR_FRAMES))
-        label = f"{name}: {closed:.0%} within {_NEAR_FRAMES}"
-        ax.plot(frames, off, color=color, lw=1.4, label=label)
-    ax.axhline(0, color=QUIET, lw=0.7)
-    ax.set_xlabel(f"frame of {trip[0]}")
-    ax.set_ylabel("end minus start (frames)")
-    low, high = np.quantile(np.concatenate([before[-1] - before[0], [-6, 6]]), [0.02, 0.98])
-    ax.set_ylim(1.3 * min(low, -6), 1.6 * max(high, 6))
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
-    grid(ax)
-
 
 _CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(
     "uncertain", ["#f4f6f8", "#f0d3b8", "#d98b4a", "#a3432c", "#5a1f1a"]

@@ -25,7 +25,6 @@ from imocap_core.artifacts.store import (
 )
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
 from imocap_core.library.api_errors import plain_errors
-from imocap_core.pipeline.action import find_action, read_action
 from imocap_core.workspace import Workspace
 
 DAY_S = 86400.0
@@ -71,7 +70,6 @@ class Cleaning:
 
 @plain_errors
 def clean(
-    action: str | Path | None = None,
     *,
     older_days: float | None = None,
     max_bytes: int | None = None,
@@ -84,20 +82,15 @@ def clean(
     `older_days` and `max_bytes` no result is.
 
     Args:
-        action: only results that this action and no other has used.
         older_days: results that have not been used for this many days.
         max_bytes: as many more as bring the cache to this size.
         dry_run: remove nothing.
 
     Raises:
-        WrongUse: no such action.
         WorkFailed: a run is in progress.
     """
     workspace = Workspace(Path(root))
     store = workspace.store.folder
-    chosen_action = None
-    if action is not None:
-        chosen_action = read_action(find_action(str(action), workspace.root)).name
     with ExitStack() as held:  # every action, so that no run starts
         for lock in sorted(store.glob("*/.lock")):
             name = lock.parent.name
@@ -106,7 +99,6 @@ def clean(
         chosen = removable(
             results,
             now_s=time.time(),
-            action=chosen_action,
             older_s=None if older_days is None else older_days * DAY_S,
             max_bytes=max_bytes,
         )
@@ -117,7 +109,7 @@ def clean(
             _rows(results, chosen), len(unfinished), sum(map(size_of, unfinished)), dry_run
         )
         if not dry_run:
-            remove(store, [*(result.file for result in chosen), *unfinished])
+            remove([*(result.file for result in chosen), *unfinished])
     return cleaning
 
 

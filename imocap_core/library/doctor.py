@@ -49,7 +49,6 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
         _body,
         *_official_bodies(models),
         lambda: _extra("paths of moving cameras", "pycolmap", "moving"),
-        lambda: _extra("h5 of DeepLabCut and SLEAP", "h5py", "h5"),
         _blender,
     )
     for check in checks:

@@ -4,43 +4,24 @@ The tasks of actions: (action, video) for detection, (action, stage, video) for 
 has a part for each video, (action, stage) for all. Stages of one action come after one another,
 actions do not. Of what may begin, the action named first goes on, so that finished actions come
 early.
-
-Tasks on workers with folders of their own. Each fetches the action, and what others have made of
-it, from the store that all share, and publishes what it makes.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from imocap_core.artifacts.shared_store import absolute_url
-from imocap_core.errors import ImocapError, WorkFailed, WrongUse
+from imocap_core.errors import ImocapError, WrongUse
 from imocap_core.executors.tasks import Executor, Report, Task, TaskEnd, Watch, perform
 from imocap_core.library.api_errors import FunctionDisplay, Params, one_off, plain_errors
 from imocap_core.library.cleaning import keep_cache_within_limit
-from imocap_core.library.push_pull import bring_up_to_date, push_files
 from imocap_core.library.running import run_action
-from imocap_core.library.shared_action import (
-    ActionRecord,
-    input_name,
-    portable_files,
-    read_record,
-    write_record,
-)
 from imocap_core.pipeline import builtin_actions
-from imocap_core.pipeline.builtin_actions import BUILT_IN
-from imocap_core.pipeline.graph import Pipeline
 from imocap_core.pipeline.runner import make_part
-from imocap_core.pipeline.source import closure, content_digest
-from imocap_core.process import CPU, can_limit_memory, check_device
+from imocap_core.process import CPU, check_device
 from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
 
@@ -79,13 +60,13 @@ def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: i
         return [made, *stages]
     declared = workspace.job(action, list(sets)).action
     if any(video.repetitions for video in declared.videos):  # its parts are known only later
-        whole = (root, action, tuple(sets), workspace.shared, None, workspace.device)
+        whole = (root, action, tuple(sets), None, workspace.device)
         return [Task(task_name(action, WHOLE), run_to, whole, (), priority)]
     detections = [
         Task(
             task_name(action, f"detect {video.id}"),
             detect_video,
-            (root, action, tuple(sets), workspace.shared, video.id),
+            (root, action, tuple(sets), video.id),
             (),
             priority,
         )
@@ -108,7 +89,7 @@ def _stage_tasks(
     """A task a stage, after those of its parts; of a single video, the part is the whole."""
     tasks = []
     stages = list(workspace.pipeline().stages.items())
-    common = (workspace.root, action, tuple(sets), workspace.shared)
+    common = (workspace.root, action, tuple(sets))
     for stage, spec in stages:
         if spec.parts == "videos" and len(videos) > 1:
             parts = [
@@ -142,12 +123,12 @@ def make_built_in(report: Report, root: Path, name: str) -> None:
 
 
 def detect_video(
-    report: Report, root: Path, action: str, sets: tuple[str, ...], shared: str | None, video: str
+    report: Report, root: Path, action: str, sets: tuple[str, ...], video: str
 ) -> None:
     """Detect the people in one video, unless that was done."""
     from imocap_core.detect.detected_action import detect_one
 
-    job = Workspace(root, shared).job(action, list(sets))
+    job = Workspace(root).job(action, list(sets))
     display = FunctionDisplay(lambda stage, share, text: report(share, text))
     detect_one(job.action, video, job.settings.params.detect, job.store, display)
 
@@ -158,14 +139,13 @@ def part_of(
     root: Path,
     action: str,
     sets: tuple[str, ...],
-    shared: str | None,
     stage: str,
     video: str,
     device: str = CPU,
 ) -> None:
     """Make the part of a stage's result that belongs to a video, unless it is cached."""
     display = FunctionDisplay(lambda stage, share, text: report(share, text))
-    job = Workspace(root, shared, device).ready_job(action, list(sets), display)
+    job = Workspace(root, device).ready_job(action, list(sets), display)
     make_part(job, stage, video, display)
 
 
@@ -174,7 +154,6 @@ def run_to(
     root: Path,
     action: str,
     sets: tuple[str, ...],
-    shared: str | None,
     until: str | None,
     device: str = CPU,
 ) -> StageEnd:
@@ -184,7 +163,6 @@ def run_to(
         root=root,
         params=list(sets),
         until=until,
-        store=shared,
         device=device,
         progress=lambda stage, share, text: report(share, text),
         part_of_many=True,
@@ -195,97 +173,6 @@ def run_to(
     return StageEnd(last.stage, last.how, last.seconds, last.stored.digest, notes, summary)
 
 
-VARIABLE = "IMOCAP_ROOT"
-
-
-@dataclass(frozen=True)
-class SharedAction:
-    """An action as its tasks find it in the shared store.
-
-    record: name of its record there, which says its content. code: digest of the stages' code,
-    inputs and parameters, which must be the worker's too.
-    """
-
-    url: str
-    name: str
-    record: str
-    code: str
-
-
-def shared_tasks_of(
-    workspace: Workspace, action: str, sets: Sequence[str], priority: int
-) -> list[Task]:
-    """Push an action's files; its tasks, for workers that have nothing of it.
-
-    ImocapError when its action.yaml, or the store, cannot be used.
-    """
-    built_in = action in BUILT_IN
-    if built_in:
-        make_built_in(lambda share, text: None, workspace.root, action)
-    job = workspace.job(action, list(sets))
-    shared = job.store.shared
-    assert shared is not None
-    with tempfile.TemporaryDirectory() as aside:
-        paths = portable_files(job.action, job.settings, Path(aside))
-        digests = {path: content_digest(file) for path, file in paths.items()}
-        push_files(shared, paths, digests)
-    record = ActionRecord(name=job.action.name, files=digests)
-    name = input_name(hashlib.sha256(record.model_dump_json().encode()).hexdigest())
-    if not shared.has(name):
-        write_record(shared, name, record)
-    place = SharedAction(shared.url, job.action.name, name, code_digest(job.pipeline))
-    tasks = tasks_of(workspace, action, sets, priority)
-    made = [task.name for task in tasks if task.work is make_built_in]
-    return [
-        replace(
-            task,
-            work=in_worker_folder,
-            arguments=(place, task.work, *task.arguments[2:]),
-            after=tuple(name for name in task.after if name not in made),
-        )
-        for task in tasks
-        if task.name not in made
-    ]
-
-
-def in_worker_folder(report: Report, place: SharedAction, work: Any, *arguments: Any) -> Any:
-    """Do the work of a task, `work(report, root, action, *arguments)`, in this worker's folder."""
-    root = worker_root()
-    workspace = Workspace(root, place.url)
-    shared = workspace.store.shared
-    assert shared is not None
-    if code_digest(workspace.pipeline()) != place.code:
-        raise WorkFailed(
-            f"the worker in {root} has another version of imocap, or another pipeline.yaml; all "
-            "workers need those of the machine that the command runs on"
-        )
-    record = read_record(shared, place.record)
-    if record is None or record.name != place.name:
-        raise WorkFailed(f"{place.url} has no {place.record} any more; run again")
-    report(0.0, f"fetching {place.name}")
-    bring_up_to_date(workspace, shared, record)
-    return work(report, root, place.name, *arguments)
-
-
-def worker_root() -> Path:
-    """This worker's working folder: IMOCAP_ROOT, or one in the user's cache; it is made."""
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    root = Path(os.environ.get(VARIABLE) or Path(cache) / "imocap" / "worker").absolute()
-    root.mkdir(parents=True, exist_ok=True)
-    return root
-
-
-def code_digest(pipeline: Pipeline) -> str:
-    """Digest of what results depend on beside the action: code, graph, seed and parameters."""
-    parts: list[Any] = [pipeline.seed]
-    parts += [
-        [name, spec.model_dump(mode="json"), closure(pipeline.script(name))]
-        for name, spec in pipeline.stages.items()
-    ]
-    text = json.dumps(parts, sort_keys=True)
-    return hashlib.sha256(f"{text}{pipeline.params}".encode()).hexdigest()
-
-
 NAMES = ("serial", "processes", "dask")
 
 
@@ -294,14 +181,13 @@ class ExecutorChoice:
     """Where tasks run.
 
     name: serial, processes or dask. workers: processes on this machine; None for one a core.
-    address: of a Dask scheduler, instead of a cluster on this machine. memory_bytes: largest memory
-    of a worker. retries: further attempts at a task whose worker died.
+    address: of a Dask scheduler, instead of a cluster on this machine. retries: further attempts at
+    a task whose worker died.
     """
 
     name: str = "processes"
     workers: int | None = None
     address: str | None = None
-    memory_bytes: int | None = None
     retries: int = 1
 
 
@@ -348,7 +234,6 @@ def run_all(
     root: str | Path = ".",
     params: Params = None,
     executor: ExecutorChoice | str = "processes",
-    store: str | None = None,
     device: str = CPU,
     listener: Listener | None = None,
 ) -> list[ActionEnd]:
@@ -359,18 +244,15 @@ def run_all(
     Args:
         actions: names below root/actions, paths, or built-in ones; None for all below
             root/actions.
-        root: the working folder; with an address and no store, one that every worker of the cluster
+        root: the working folder; with an address, one that every worker of the cluster
             has under this path.
         params: one-off parameters of all of them.
-        store: URL or folder of a store that several machines share. With an address each worker
-            works in a folder of its own, and has the actions and the results of others from there.
         device: where every worker computes tensors; cpu, cuda, or one of several as cuda:1.
 
     Returns:
         One end for each action, in their order.
     """
-    shared = None if store is None else absolute_url(store)
-    workspace = Workspace(Path(root).resolve(), shared, device)
+    workspace = Workspace(Path(root).resolve(), device)
     names = all_actions(workspace) if actions is None else [str(action) for action in actions]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -380,17 +262,12 @@ def run_all(
     if choice.address is None:
         check_device(device)
     listener = listener or Listener()
-    apart = shared is not None and choice.address is not None
-    planned, ends = _planned(
-        workspace, names, one_off(params), shared_tasks_of if apart else tasks_of
-    )
+    planned, ends = _planned(workspace, names, one_off(params))
     listener.planned({name: len(tasks) for name, tasks in planned.items()})
     for end in ends.values():
         listener.action_ended(end)
     with executing(choice, listener) as chosen:
         for end in _carried_out(planned, chosen, choice.retries, listener):
-            if apart and end.state == "done":
-                end = _fetched(workspace, end, one_off(params))
             ends[end.action] = end
             listener.action_ended(end)
     for sentence in keep_cache_within_limit(workspace.root):
@@ -420,15 +297,11 @@ def check_choice(choice: ExecutorChoice) -> None:
         raise WrongUse(f"retries: expected 0 or more, got {choice.retries}")
     if choice.address is not None and choice.name != "dask":
         raise WrongUse(f"an address is of a Dask scheduler, and the executor is {choice.name}")
-    if choice.address is not None and (choice.workers or choice.memory_bytes):
+    if choice.address is not None and choice.workers:
         raise WrongUse(
-            f"workers and memory of the cluster at {choice.address} are those that it was "
-            "started with; leave them out"
+            f"the workers of the cluster at {choice.address} are those that it was "
+            "started with; leave their number out"
         )
-    if choice.memory_bytes is not None and choice.name == "serial":
-        raise WrongUse("a limit of memory is of a worker, and the executor serial has none")
-    if choice.memory_bytes is not None and choice.name == "processes" and not can_limit_memory():
-        raise WrongUse("only on Linux can a worker's memory be limited; leave the limit out")
 
 
 @contextmanager
@@ -442,43 +315,27 @@ def executing(choice: ExecutorChoice, listener: Listener) -> Iterator[Executor]:
     elif choice.name == "processes":
         from imocap_core.executors.processes import worker_processes
 
-        with worker_processes(workers, memory_bytes=choice.memory_bytes) as processes:
+        with worker_processes(workers) as processes:
             yield processes
     else:
         from imocap_core.executors.processes import dask_cluster
 
-        with dask_cluster(
-            workers, choice.address, memory_bytes=choice.memory_bytes, announce=listener.announce
-        ) as cluster:
+        with dask_cluster(workers, choice.address, announce=listener.announce) as cluster:
             yield cluster
 
 
 def _planned(
-    workspace: Workspace,
-    names: Sequence[str],
-    sets: list[str],
-    tasks: Callable[[Workspace, str, Sequence[str], int], list[Task]],
+    workspace: Workspace, names: Sequence[str], sets: list[str]
 ) -> tuple[dict[str, list[Task]], dict[str, ActionEnd]]:
     """The tasks of each action, and the ends of those that cannot begin."""
     planned: dict[str, list[Task]] = {}
     ends: dict[str, ActionEnd] = {}
     for priority, name in enumerate(names):
         try:
-            planned[name] = tasks(workspace, name, sets, priority)
+            planned[name] = tasks_of(workspace, name, sets, priority)
         except ImocapError as error:
             ends[name] = ActionEnd(name, "failed", str(error))
     return planned, ends
-
-
-def _fetched(workspace: Workspace, end: ActionEnd, sets: list[str]) -> ActionEnd:
-    """The end of an action after its results were copied from the shared store."""
-    try:
-        run_action(
-            end.action, root=workspace.root, params=sets, store=workspace.shared, part_of_many=True
-        )
-    except ImocapError as error:
-        return replace(end, state="failed", fault=f"fetching its results: {error}")
-    return end
 
 
 def _carried_out(

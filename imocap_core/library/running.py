@@ -269,7 +269,6 @@ def run(
     params: Params = None,
     force: bool = False,
     until: str | None = None,
-    store: str | None = None,
     device: str = CPU,
     progress: Progress = True,
 ) -> Result:
@@ -290,8 +289,6 @@ def run(
             names, units and defaults are those of pipeline.yaml.
         force: run what is cached too.
         until: stop after this stage: smpl_ba, refine_sync, or one that needs one of them.
-        store: URL or folder of a store that several machines share: results that are there are
-            fetched, and others published.
         device: where tensors are computed: cpu, cuda, or one of several as cuda:1. Results differ
             by rounding and are not made again for another device.
         progress: a function of (stage, share, text), True for what the command shows, on the
@@ -314,14 +311,7 @@ def run(
     assert action is not None
     motion_stage = _motion_stage(Workspace(Path(root)), until)
     done = run_action(
-        action,
-        root=root,
-        params=params,
-        force=force,
-        until=until,
-        store=store,
-        device=device,
-        progress=progress,
+        action, root=root, params=params, force=force, until=until, device=device, progress=progress
     )
     stored = {outcome.stage: outcome.stored for outcome in done.outcomes}
     return Result.of_stages(done.job.action, stored, motion_stage)
@@ -335,7 +325,6 @@ def run_action(
     params: Params = None,
     force: bool = False,
     until: str | None = None,
-    store: str | None = None,
     device: str = CPU,
     progress: Progress = None,
     part_of_many: bool = False,
@@ -349,7 +338,7 @@ def run_action(
     with displaying(progress) as display:
         began = time.perf_counter()
         cache_limit_bytes()  # a wrong one is noticed before the work
-        workspace = Workspace(Path(root), store, device)
+        workspace = Workspace(Path(root), device)
         sets = one_off(params)
         job, notes = workspace.ready_job(str(action), sets, display), list[str]()
         if any(video.repetitions for video in job.action.videos):

@@ -42,13 +42,10 @@ class Explanation:
 
 @plain_errors
 def status(
-    action: str | Path, *, root: str | Path = ".", params: Params = None, store: str | None = None
+    action: str | Path, *, root: str | Path = ".", params: Params = None
 ) -> list[StageStatus]:
-    """For every stage whether its result is cached, and if not, why it would run.
-
-    store: URL or folder of a shared store; results that are there are fetched.
-    """
-    workspace = Workspace(Path(root), store)
+    """For every stage whether its result is cached, and if not, why it would run."""
+    workspace = Workspace(Path(root))
     return list(runner.stage_statuses(workspace.job(str(action), one_off(params))))
 
 
@@ -88,7 +85,7 @@ def verdict(
 def report_page(job: Job) -> Path | None:
     """The page of an action's report to open first; the folder itself when it has none."""
     folder = job.store.report(job.action.name)
-    for name in ("report.html", "index.html", "report.md", "index.md"):
+    for name in ("report.html", "index.html", "index.md"):
         if (folder / name).is_file():
             return folder / name
     return folder if folder.is_dir() else None

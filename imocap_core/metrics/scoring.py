@@ -24,8 +24,6 @@ from imocap_core.metrics.whole_body import (
     BONE_AT_REST,
     aligned_joint_errors_mm,
     direction_errors_deg,
-    joint_rotation_errors_deg,
-    mpjae_deg,
     rotation_errors_deg,
 )
 
@@ -274,12 +272,8 @@ def on_common_frames(a: CameraJoints, b: CameraJoints) -> tuple[CameraJoints, Ca
     )
 
 
-JOINT_GROUPS = {
-    "spine_mm": ("spine1", "spine2", "spine3"),
-    "collars_neck_mm": ("left_collar", "right_collar", "neck"),
-}
 WORLD_METRICS = ("w_mpjpe_mm", "wa_mpjpe_mm", "rte_pct")
-ROTATION_METRICS = ("mpjae_deg", "spine_rotation_error_deg")
+MPJAE = "mpjae_deg"
 SEGMENT_METRICS = {
     "pelvis_rotation_error_deg": "pelvis",
     "chest_rotation_error_deg": "spine3",
@@ -289,25 +283,18 @@ BONE_METRICS = {
     "neck_direction_error_deg": ("neck",),
     "collars_direction_error_deg": ("left_collar", "right_collar"),
 }
-SURFACE_METRICS = ("pve_mm", "pve_without_hands_mm", "pa_pve_mm", "foot_sliding_mm")
-STRETCH_METRICS = (
-    "stretched_edges_pct",
-    "stretched_edges_worst_pct",
-    "torso_volume_change_pct",
-    "torso_volume_change_worst_pct",
-)
+SURFACE_METRICS = ("pve_mm", "pa_pve_mm", "foot_sliding_mm")
+STRETCHED = "stretched_edges_pct"
 JITTER = "jitter_10m_s3"
 BODY_METRICS = (
-    *JOINT_GROUPS,
-    *ROTATION_METRICS,
+    MPJAE,
     *SEGMENT_METRICS,
     *BONE_METRICS,
     *SURFACE_METRICS,
     *WORLD_METRICS,
     JITTER,
-    *STRETCH_METRICS,
+    STRETCHED,
 )
-_SPINE = [SMPL_JOINTS.index(name) for name in JOINT_GROUPS["spine_mm"]]
 
 
 def aligned_errors_mm(predicted: CameraJoints, true: CameraJoints) -> dict[str, float]:
@@ -325,19 +312,6 @@ def aligned_errors_mm(predicted: CameraJoints, true: CameraJoints) -> dict[str, 
         anchors=[both.index(name) for name in EVAL_12],
     )
     return dict(zip(both, errors.tolist(), strict=True))
-
-
-def joint_group_rows(
-    result: str, video: str, predicted: CameraJoints, true: CameraJoints
-) -> list[ScoreRow]:
-    """Mean aligned errors of the spine, and of the collars with the neck."""
-    errors = aligned_errors_mm(predicted, true)
-    rows = []
-    for metric, group in JOINT_GROUPS.items():
-        note = missing_note(predicted, true, (*EVAL_12, *group))
-        value = np.nan if note else float(np.mean([errors[name] for name in group]))
-        rows.append(scored_row(result, video, metric, value, note or "no frame has both"))
-    return rows
 
 
 def world_rows(
@@ -359,18 +333,6 @@ def world_rows(
         (trajectory.rte_pct(*roots), "the true root does not move"),
     )
     return _scored(result, video, WORLD_METRICS, values)
-
-
-def rotation_rows(
-    result: str,
-    video: str,
-    predicted: Float[np.ndarray, "T 24 3 3"],
-    true: Float[np.ndarray, "T 24 3 3"],
-) -> list[ScoreRow]:
-    """Errors of local joint rotations: all 24, and the mean of the three of the spine."""
-    spine = joint_rotation_errors_deg(predicted[:, _SPINE], true[:, _SPINE]).mean()
-    pairs = [(mpjae_deg(predicted, true), "no frame has both"), (float(spine), "no frame has both")]
-    return _scored(result, video, ROTATION_METRICS, pairs)
 
 
 def segment_rows(
@@ -405,26 +367,9 @@ def jitter_row(result: str, video: str, predicted: CameraJoints, fps: float) -> 
     return scored_row(result, video, JITTER, value, "no four frames in a row")
 
 
-def stretch_rows(
-    result: str,
-    video: str,
-    stretched_shares: Float[np.ndarray, " T"],
-    torso_volumes: Float[np.ndarray, " T"],
-) -> list[ScoreRow]:
-    """Mean and worst frame of stretched edges, and of the change of the torso's volume.
-
-    Args:
-        torso_volumes: relative to the volume at rest.
-    """
-    change = np.abs(torso_volumes - 1)
-    values = (
-        stretched_shares.mean(),
-        stretched_shares.max(initial=0.0),
-        change.mean(),
-        change.max(initial=0.0),
-    )
-    pairs = ((100 * float(value), "no frame") for value in values)
-    return _scored(result, video, STRETCH_METRICS, pairs)
+def stretch_row(result: str, video: str, shares: Float[np.ndarray, " T"]) -> ScoreRow:
+    """Mean share of stretched edges."""
+    return scored_row(result, video, STRETCHED, 100 * float(shares.mean()), "no frame")
 
 
 def unscored_rows(result: str, video: str, notes: Mapping[str, str]) -> list[ScoreRow]:

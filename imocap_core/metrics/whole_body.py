@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from jaxtyping import Float, Int
 
 from imocap_core.alignment import similarity
 from imocap_core.body.kinematics import world_rotations
@@ -161,48 +159,6 @@ def stretched_edge_shares(
     return stretched / len(some)
 
 
-def closed_part(
-    faces: Int[np.ndarray, "F 3"], part: Bool[np.ndarray, " V"]
-) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, "B 3"]]:
-    """A part of a mesh and its open ends.
-
-    Returns:
-        The faces whose three vertices are all in `part`; and the directed edges of their open ends
-        as rows (from, to, end), `end` counting the connected ends (cuts at the neck, thighs...).
-    """
-    inside = faces[part[faces].all(axis=1)]
-    directed = _directed_edges(inside)
-    count = len(part)
-    codes, reverse = (directed @ np.array(w) for w in ((count, 1), (1, count)))
-    rim = directed[~np.isin(codes, reverse)]
-    links = coo_array((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(count, count))
-    component = connected_components(links, directed=False)[1][rim[:, 0]]
-    end = np.unique(component, return_inverse=True)[1]
-    return inside, np.column_stack([rim, end])
-
-
-def volumes_m3(
-    vertices_m: Float[np.ndarray, "*batch V 3"],
-    faces: Int[np.ndarray, "G 3"],
-    open_ends: Int[np.ndarray, "B 3"],
-) -> Float[np.ndarray, "*batch"]:
-    """Volume inside a part of a surface, each open end closed by a fan about its edges' middle.
-
-    By the divergence theorem, as the sum of signed tetrahedra (Zhang and Chen, "Efficient feature
-    extraction for 2D/3D objects in mesh representation", ICIP 2001). Invariant to a rigid motion.
-
-    Args:
-        faces, open_ends: of `closed_part`.
-    """
-    volume = _signed(*(vertices_m[..., faces[:, i], :] for i in range(3)))
-    for end in np.unique(open_ends[:, 2]):
-        a, b, _ = open_ends[open_ends[:, 2] == end].T
-        first, second = vertices_m[..., a, :], vertices_m[..., b, :]
-        middle = ((first + second) / 2).mean(axis=-2, keepdims=True)
-        volume = volume + _signed(second, first, np.broadcast_to(middle, first.shape))
-    return np.asarray(volume)
-
-
 def _directed_edges(faces: np.ndarray) -> np.ndarray:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
@@ -213,8 +169,3 @@ def _squared_lengths(
     first, second = np.ascontiguousarray(edges.T)
     x, y, z = (np.square(axis.take(first, 0) - axis.take(second, 0)) for axis in axes_m)
     return np.asarray(x + y + z)
-
-
-def _signed(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Sum of the signed volumes of tetrahedra from the origin."""
-    return np.asarray(np.einsum("...fc,...fc->...", a, np.cross(b, c)) / 6)

@@ -337,7 +337,7 @@ def path_of(folder: Path, declared: str) -> Path:
     return path.resolve() if ".." in path.parts else path
 
 
-FOLDERS = {"video": "videos", "keypoints": "keypoints", "initial": "initial"}  # by key
+_FOLDERS = {"video": "videos", "keypoints": "keypoints", "initial": "initial"}  # by key
 
 
 def leads_outside(given: str) -> bool:
@@ -356,7 +356,7 @@ def placed(videos: Sequence[Declaration]) -> tuple[Declaration, ...]:
     given = [
         (v, key, path)
         for v in videos
-        for key in FOLDERS
+        for key in _FOLDERS
         if (path := getattr(v, key)) not in (None, DETECT)
     ]
     taken = {_same(path): path for _, _, path in given if not leads_outside(path)}
@@ -364,10 +364,10 @@ def placed(videos: Sequence[Declaration]) -> tuple[Declaration, ...]:
     for video, key, path in given:
         if leads_outside(path):
             name = PureWindowsPath(path).name
-            place = f"{FOLDERS[key]}/{name}"
+            place = f"{_FOLDERS[key]}/{name}"
             while taken.setdefault(_same(place), path) != path:
                 name = f"{video.id}_{name}"
-                place = f"{FOLDERS[key]}/{name}"
+                place = f"{_FOLDERS[key]}/{name}"
             moved.setdefault(video.id, {})[key] = place
     return tuple(video.model_copy(update=moved.get(video.id, {})) for video in videos)
 

@@ -15,8 +15,6 @@ DetectionFormat = Literal[
     "wholebody",
     "cpn_npz",
     "npz",
-    "deeplabcut",
-    "sleap",
     "sam3d_body",
 ]
 Layout = Literal[
@@ -44,9 +42,6 @@ InitialFormat = Literal[
     "hmmr",
     "tram",
     "tokenhmr",
-    "nlf",
-    "multihmr",
     "sam3d_body",
-    "metrabs",
     "mediapipe_world",
 ]

@@ -136,7 +136,6 @@ def run(
                 how = "made"
                 display.started(stage, ["forced"] if forced else _reasons(job, stage, needed))
                 stored = _make(job, stage, needed, done, display.progress, forced)
-            stored = job.store.share(stage, stored, made=how == "made")
             job.store.publish(job.action.name, stage, stored)
             stored = done[stage] = stored.unread()
             most = peak_bytes() if how == "made" else None
@@ -149,9 +148,7 @@ def run(
 
 def _all_cached(job: Job, stages: list[str]) -> dict[str, Stored]:
     """The results of these stages, not read again where their files have not changed; none of them
-    where one is missing, as those before it will be read, or where a shared store may want them."""
-    if job.store.shared is not None:
-        return {}
+    where one is missing, as those before it will be read."""
     done: dict[str, Stored] = {}
     for stage in stages:
         stored = job.store.look_up(job.action.name, stage, job.recipe(stage, done).key)

@@ -156,11 +156,9 @@ class Parts:
         recipe = replace(self.recipe, inputs=digests, reads={})
         folder = f"{self.stage}_{name}"
         stored = None if self.again else self.store.find(self.action, folder, recipe.key)
-        made = stored is None
         if stored is None:
             stored = self.store.put(folder, recipe.key, make(), recipe.provenance(), {})
-        stored = self.store.share(folder, stored, made=made)
-        mark_used(self.store.folder, self.action, folder, stored.key)
+        mark_used(self.store.folder, folder, stored.key)
         return stored.decode(kind)
 
 

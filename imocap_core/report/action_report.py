@@ -12,11 +12,9 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, system_fault
 from imocap_core.files import is_as_made, is_whole_page
-from imocap_core.pipeline.generation import record, seconds_of
-from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
-from imocap_core.report.page_files import PAGE, TEXT, refresh_pages
+from imocap_core.report.page_files import PAGE, refresh_pages
 
 _MADE_BY = ("report/write_page.py", "report/page.py", "diagnostics/action_verdict.py")
 NEEDED = {
@@ -29,16 +27,14 @@ NEEDED = {
     "uncertainty": "Uncertainty",
     "evaluate": "Evaluate",
 }
-SINGLE = "motion.objective=single"
 
 
 def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
-    """Record the stages' times, and write the page unless it shows these results already.
+    """Write the page unless it shows these results already.
 
     Returns the page, or None when the run has no complete results. WorkFailed when the page cannot
     be written.
     """
-    record(job.store, job.action.name, outcomes)
     stored = {outcome.stage: outcome.stored for outcome in outcomes}
     if not complete(stored):
         return None
@@ -76,12 +72,10 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     """The page of these results, written only when something has changed."""
     folder = job.store.report(job.action.name)
     page = folder / PAGE
-    seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
-    single = single_model(job, stored)
     names = {v.id: PurePath(v.video).name for v in job.action.videos if v.video is not None}
     sources = "Files: " + ", ".join(f"{i} is {n}" for i, n in names.items()) + "." if names else ""
-    stamp = _stamp(stored, seconds, sources, single)
-    there = all((folder / name).is_file() for name in (TEXT, PAGE, FILE))
+    stamp = _stamp(stored, sources)
+    there = all((folder / name).is_file() for name in (PAGE, FILE))
     if there and is_whole_page(page):
         with page.open(encoding="utf-8") as stream:
             if stamp in stream.read(400):  # in the head
@@ -89,7 +83,7 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     from imocap_core.report.write_page import write_page
 
     try:
-        write_page(job, folder, stored, single, seconds, stamp, sources)
+        write_page(job, folder, stored, stamp, sources)
     except ArtifactCorrupt as error:
         reason = str(error).splitlines()[0]
         raise WorkFailed(f"report: {reason}; run the action again") from None
@@ -100,24 +94,10 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     return page
 
 
-def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
-    """smpl_ba's result with one motion for all videos, when it is in the store."""
-    chosen = settings(job.pipeline, job.action.params, job.action.file, [SINGLE])
-    key = Job(job.pipeline, job.store, job.action, chosen).recipe("smpl_ba", stored).key
-    single = job.store.find(job.action.name, "smpl_ba", key)
-    same = single is not None and single.digest == stored["smpl_ba"].digest
-    return None if same else single
-
-
-def _stamp(
-    stored: Mapping[str, Stored],
-    seconds: Mapping[str, float | None],
-    sources: str,
-    single: Stored | None,
-) -> str:
+def _stamp(stored: Mapping[str, Stored], sources: str) -> str:
     """A digest of everything that the page shows, and of the code that draws it."""
     core = PROJECT / "imocap_core"
     code = {name: digest for file in _MADE_BY for name, digest in closure(core / file).items()}
     results = {stage: stored[stage].digest for stage in NEEDED}
-    content = [results, code, dict(seconds), sources, None if single is None else single.digest]
+    content = [results, code, sources]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""The report's page: HTML with embedded pictures, and Markdown that links them."""
+"""The report's page: HTML with embedded pictures."""
 
 from __future__ import annotations
 
@@ -12,26 +12,9 @@ from imocap_core.artifacts.schemas import Table
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.metrics.scoring import ALL_VIDEOS
 from imocap_core.report.first_page import ANGLES, FirstPage
-from imocap_core.report.page_files import LEVELS, badge, html_head, prose, sentences
+from imocap_core.report.page_files import badge, html_head, prose, sentences
 from imocap_core.report.sections import Section
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, cell_text, column_title
-
-
-def markdown(table: Table) -> str:
-    """A GitHub table with its title; numbers are right-aligned."""
-    numeric = _numeric(table)
-    lines = [
-        f"### {table.title}",
-        "",
-        "| " + " | ".join(map(column_title, table.columns)) + " |",
-        "|" + "|".join(" ---: " if n else " --- " for n in numeric) + "|",
-    ]
-    for row in table.rows:
-        texts = [
-            cell_text(c, v).replace("|", "\\|") for c, v in zip(table.columns, row, strict=True)
-        ]
-        lines.append("| " + " | ".join(texts) + " |")
-    return "\n".join([*lines, "", *([table.note, ""] if table.note else [])])
 
 
 def html_table(table: Table, glossary: Mapping[str, str] | None = None) -> str:
@@ -157,42 +140,6 @@ def _angles(first: FirstPage) -> str:
         f'<div class="wide" tabindex="0" role="region" aria-label="Key angles"><table><thead><tr>'
         f"{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{differences}\n"
     )
-
-
-def markdown_page(
-    contents: Contents,
-    verdict: Verdict,
-    parts: Sequence[Section],
-    sources: str = "",
-    first: FirstPage | None = None,
-) -> str:
-    """The same as Markdown, nothing folded, for a repository or a terminal."""
-    text = [f"# {contents.title}: {LEVELS[verdict.level].lower()}\n"]
-    text += [f"{sentence}\n" for sentence in verdict.summary]
-    text += [f"{first.since}\n"] if first is not None and first.since else []
-    text += [] if first is None else _angles_in_markdown(first)
-    if verdict.findings:
-        details = "\n".join(f"* {finding.sentence}" for finding in verdict.findings)
-        text.append(f"## {DETAILS}\n\n{details}\n")
-    if sources:
-        text.append(f"{sources}\n")
-    for part in parts:
-        text.append(f"## {part.title}\n")
-        if part.lead:
-            text.append(f"{part.lead}\n")
-        if part.sentences:
-            text.append("\n".join(f"* {sentence}" for sentence in part.sentences) + "\n")
-        pictures = (*part.pictures, *part.folded_pictures)
-        text += [f"![{p.caption}]({p.file})\n\n{p.caption}\n" for p in pictures]
-        text += [markdown(table) for table in (*part.tables, *part.folded_tables)]
-    return "\n".join(text)
-
-
-def _angles_in_markdown(first: FirstPage) -> list[str]:
-    rows = [first.head, ("---", *["---:"] * (len(first.head) - 1)), *first.rows]
-    table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
-    items = "\n".join(f"* {difference.sentence}." for difference in first.differences)
-    return [f"## Key angles\n\n{first.moment}:\n\n{table}\n", *([f"{items}\n"] if items else [])]
 
 
 def _section(

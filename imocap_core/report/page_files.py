@@ -14,7 +14,7 @@ from imocap_core.artifacts.store import Store
 from imocap_core.diagnostics.findings import FILE, Verdict, read_verdict
 from imocap_core.files import is_as_made, record_made, write_whole
 
-PAGE, TEXT = "report.html", "report.md"
+PAGE = "report.html"
 _INDEX, _VIEWER = "index.html", "3D viewer"
 LEVELS = {"good": "Good", "check": "Check", "doubt": "Doubtful"}
 _COMPARED = "where performances differ, in degrees"

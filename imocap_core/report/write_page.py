@@ -19,17 +19,10 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.body import Model, load_free_body
 from imocap_core.diagnostics.findings import FILE, verdict_text
 from imocap_core.figures.overlays import Image, Window
-from imocap_core.figures.page_figures import (
-    chosen_trip,
-    cycle_figures,
-    cycle_frames,
-    cycle_starts,
-    uncertainty_figure,
-)
+from imocap_core.figures.page_figures import uncertainty_figure
 from imocap_core.figures.sheets import (
     SheetResult,
     SheetVideo,
-    moment_cells,
     picks_of,
     read_cells,
     results_sheet,
@@ -37,12 +30,11 @@ from imocap_core.figures.sheets import (
 )
 from imocap_core.figures.style import quiet, save
 from imocap_core.files import record_made, write_whole
-from imocap_core.pipeline.generation import timing_table
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.card import CARD, card_page
 from imocap_core.report.first_page import ANGLES, first_page, last_result
-from imocap_core.report.page import html_page, markdown_page
-from imocap_core.report.page_files import PAGE, TEXT, links
+from imocap_core.report.page import html_page
+from imocap_core.report.page_files import PAGE, links
 from imocap_core.report.sections import sections
 from imocap_core.report.table_files import Picture, read_contents
 from imocap_core.result.artifacts import artifacts_of_stages, verdict_of_artifacts
@@ -51,10 +43,6 @@ from imocap_core.result.result import ActionResult
 from imocap_core.workers import thread_map
 from imocap_core.workspace import video_files
 
-_TRIP = (
-    Picture("cycle.webp", "Matches of frames from video to video and back."),
-    Picture("cycle.png", "How many frames after its start each round trip ends."),
-)
 _RESULTS, _UNCERTAINTY = "results.webp", "uncertainty.png"
 
 
@@ -68,61 +56,34 @@ def draw_page_figures(
     by_joint: Table | None,
     model: Model,
 ) -> list[Picture]:
-    """Round trips over three videos; the same frames under each of `results`; the uncertainty of
-    each joint.
+    """The same frames under each of `results`; the uncertainty of each joint.
 
     by_joint: the table `uncertainty_joints`, which has the true errors.
     """
-    sync = refined.sync
-    trip = chosen_trip(sync)
-    starts = cycle_starts(sync, trip)
-    of_trip = cycle_frames(sync, trip, starts) if len(trip) > 1 else {}
     picks = picks_of(videos)
-    shown = [
-        sorted(of_trip.get(video.keypoints.id, set()) | {t for w, t in picks if w == v})
-        for v, video in enumerate(videos)
-    ]
+    shown = [sorted(t for w, t in picks if w == v) for v in range(len(videos))]
     read = [(video, frames) for video, frames in zip(videos, shown, strict=True) if frames]
-    cells: dict[str, dict[int, Image]] = {}
-    cuts: dict[str, dict[int, Window]] = {}
     of_videos = thread_map(lambda item: read_cells(item[0].keypoints, item[0].file, item[1]), read)
-    for (video, _), (cells_of, cuts_of) in zip(read, of_videos, strict=True):
-        cells[video.keypoints.id], cuts[video.keypoints.id] = cells_of, cuts_of
+    ids = [video.keypoints.id for video, _ in read]
+    cells: dict[str, dict[int, Image]] = dict(zip(ids, (c for c, _ in of_videos), strict=True))
+    cuts: dict[str, dict[int, Window]] = dict(zip(ids, (w for _, w in of_videos), strict=True))
     drawn = []
     with quiet():
-        if len(trip) > 1:
-            posed: dict[str, dict[int, Image]] = {}
-            for video in (v for v in videos if v.keypoints.id in of_trip):
-                name, of = video.keypoints.id, sorted(of_trip[video.keypoints.id])
-                drawn_over = moment_cells(video, of, cells[name], cuts[name])
-                posed[name] = dict(zip(of, drawn_over, strict=True))
-            frames = {v.id: v.frames for v in keypoints.videos}
-            figures = cycle_figures(sync, trip, starts, posed, frames)
-            for figure, picture in zip(figures, _TRIP, strict=True):
-                save(figure, folder / picture.file)
-                drawn.append(picture)
         save(results_sheet(videos, results, picks, cells, cuts, model), folder / _RESULTS)
         caption = "Where the results differ most: the body over the frame, and from the side."
         drawn.append(Picture(_RESULTS, caption))
-        save(uncertainty_figure(claimed, keypoints, sync, by_joint), folder / _UNCERTAINTY)
+        save(uncertainty_figure(claimed, keypoints, refined.sync, by_joint), folder / _UNCERTAINTY)
         drawn.append(Picture(_UNCERTAINTY, "Uncertainty of each joint, overall and over time."))
     return drawn
 
 
 def write_page(
-    job: Job,
-    folder: Path,
-    stored: Mapping[str, Stored],
-    single: Stored | None,
-    seconds: Mapping[str, float | None],
-    stamp: str,
-    sources: str,
+    job: Job, folder: Path, stored: Mapping[str, Stored], stamp: str, sources: str
 ) -> None:
-    """Draw the page's figures and write the page, as HTML and as Markdown, and the verdict.
+    """Draw the page's figures and write the page, and the verdict.
 
     Args:
-        single: smpl_ba's result with one motion for all videos. seconds: of each stage. stamp: see
-            `action_report`. sources: which video is which file.
+        stamp: see `action_report`. sources: which video is which file.
     """
     keypoints = stored["keypoints"].decode(Keypoints)
     evaluated = stored["evaluate"].decode(Evaluate)
@@ -132,7 +93,7 @@ def write_page(
     pictures = draw_page_figures(
         folder,
         videos,
-        sheet_results_of(stored, single),
+        sheet_results_of(stored),
         keypoints,
         refined,
         stored["uncertainty"].decode(Uncertainty),
@@ -140,9 +101,7 @@ def write_page(
         model,
     )
     contents = read_contents(folder)
-    frames = sum(len(video.frames) for video in keypoints.videos)
-    every = [*evaluated.tables, timing_table(seconds, frames)]
-    parts = sections(every, [*contents.pictures, *pictures], len(keypoints.videos))
+    parts = sections(evaluated.tables, [*contents.pictures, *pictures], len(keypoints.videos))
     artifacts = artifacts_of_stages(job.action.name, stored)
     verdict = verdict_of_artifacts(artifacts)
     assert verdict is not None
@@ -160,7 +119,6 @@ def write_page(
     pages = links(folder.parent, job.action.name)
     files = {
         FILE: verdict_text(verdict),
-        TEXT: markdown_page(contents, verdict, parts, sources, first),
         PAGE: html_page(folder, contents, verdict, parts, pages, stamp, sources, first),
     }
     for name, text in files.items():
@@ -181,17 +139,17 @@ def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> lis
     )
 
 
-def sheet_results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[SheetResult]:
+def sheet_results_of(stored: Mapping[str, Stored]) -> list[SheetResult]:
     """The results that are shown side by side, in the order of the stages."""
     cameras = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos
     results = [SheetResult("initial\n(monocular)", initial, {c.id: c.K for c in cameras})]
     if len(initial) == 1:
         return results  # there is nothing to compare
-    solved = {"all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
-    if single is not None:
-        solved = {"single model\n(one motion)": single.decode(SmplBa), **solved}
-    solved["all videos,\nafter the loop"] = stored["refine_sync"].decode(RefineSync).motion
+    solved = {
+        "all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa),
+        "all videos,\nafter the loop": stored["refine_sync"].decode(RefineSync).motion,
+    }
     for name, result in solved.items():
         results.append(SheetResult(name, result.videos, {c.id: c.K for c in result.cameras}))
     return results

@@ -16,7 +16,7 @@ from imocap_core.artifacts.codec import pack
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.body import load_free_body
 from imocap_core.evaluate.scoreboard import posed_body
-from imocap_core.evaluate.whole_body_scores import measure_surfaces, surface_mesh
+from imocap_core.evaluate.whole_body_scores import measure_surfaces, surface_edges
 from imocap_core.motion import normal
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
@@ -104,8 +104,8 @@ def test_surfaces_are_skinned_on_the_device_of_their_model(made, unchecked_shape
     def stretched(device: str) -> np.ndarray:
         model = load_free_body(device)
         bodies = [posed_body(model, motion, [0, 1]) for motion in (made.bent[0], made.true[0])]
-        (measures,) = measure_surfaces(bodies[:1], bodies[1], surface_mesh(model))
-        return np.append(measures.torso_volumes, measures.errors.pve)
+        (measures,) = measure_surfaces(bodies[:1], bodies[1], surface_edges(model))
+        return np.append(measures.stretched_shares, measures.errors.pve)
 
     here = stretched("cpu")
     with pretended_cuda():

@@ -32,12 +32,10 @@ WRITERS = {
     "vibe": made.write_vibe,
     "hmmr": made.write_hmmr,
     "tram": made.write_tram,
-    "nlf": made.write_nlf,
     "sam3d_body": made.write_sam3d_body,
-    "metrabs": made.write_metrabs,
     "mediapipe_world": made.write_mediapipe,
 }
-PLACE_OF_KNEE = {"metrabs": (4, 24), "sam3d_body": (11, 70), "mediapipe_world": (25, 33)}
+PLACE_OF_KNEE = {"sam3d_body": (11, 70), "mediapipe_world": (25, 33)}
 # Each frame's camera is turned a little further from the first one's.
 TURNED = exp(torch.arange(made.FRAMES)[:, None] * torch.tensor([0.0, 0.1, 0.05])).double().numpy()
 

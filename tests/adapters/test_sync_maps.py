@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from imocap_core.adapters.sync_maps import (
-    LEFT_OUT,
-    affinity_between,
-    maps_of,
-    nearest_by_affinity,
-    stored_affinities,
-)
+from imocap_core.adapters.sync_maps import LEFT_OUT, affinity_between, maps_of
 from imocap_core.artifacts.schemas import Sync, SyncMap
-from imocap_core.sync.affinity import Affinities
 from tests.made_sync import stored_matrix
 
 IDS, LENGTHS = ["a", "b", "c"], [70, 40, 33]
@@ -55,14 +48,6 @@ def test_affinities_are_read_in_both_directions(sync: Sync) -> None:
     assert every == (1, 1)
     out = sync.model_copy(update={"affinity": []})
     assert not affinity_between(out, "a", "b")[0].any()
-
-
-def test_the_nearest_frame_by_every_nth_frame_is_near_it(sync: Sync) -> None:
-    block = MATRIX[:70:3, 70:110:2].astype(np.float32)
-    coarse = stored_affinities(Affinities([3, 2, 1], {(0, 1): block}), IDS)
-    thin = sync.model_copy(update={"affinity": coarse})
-    nearest, exact = (nearest_by_affinity(s, "a", "b") for s in (thin, sync))
-    assert np.abs(nearest - exact).max() <= 3
 
 
 def test_bands_that_do_not_fit_the_videos_are_refused(sync: Sync) -> None:

@@ -103,7 +103,7 @@ def test_nothing_half_written_stays(store: Store, put: Put, sync: Sync) -> None:
     with pytest.raises(AttributeError):
         store.put("sync", "two", sync, {"bad": 1}, {})  # type: ignore[dict-item]
     put("one")  # again, over itself
-    files = [p for p in store.folder.rglob("*") if p.is_file() and p.parent.name != ".used"]
+    files = [p for p in store.folder.rglob("*") if p.is_file()]
     names = {p.name for p in files}
     assert names == {"one.mcap", "sync.mcap"}
 
@@ -220,15 +220,14 @@ def publish_at(store: Store, sync: Sync) -> Callable[[str, str], Path]:
 
 
 def result(key: str, used_s: float, *, size: int = 10, in_use: bool = False) -> CachedResult:
-    return CachedResult(Path(key), "sync", key, size, used_s, in_use, frozenset({"yoga"}))
+    return CachedResult(Path(key), "sync", key, size, used_s, in_use)
 
 
 def test_current_artifacts_are_in_use_and_others_are_not(store, publish_at):
     publish_at("one", "yoga")
     publish_at("two", "yoga")
     publish_at("two", "dance")
-    states = {r.key: (r.in_use, r.actions) for r in cached_results(store.folder)}
-    assert states == {"one": (False, {"yoga"}), "two": (True, {"yoga", "dance"})}
+    assert {r.key: r.in_use for r in cached_results(store.folder)} == {"one": False, "two": True}
 
 
 def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(store, publish_at):
@@ -238,9 +237,8 @@ def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(store, p
     publish_at("one", "yoga")
     assert cached_results(store.folder)[0].used_s > 1000.0 + DAY_S
     assert file.stat().st_mtime == 1000.0
-    assert (store.folder / ".cache/.used/yoga").read_text() == "sync/one\n"
-    mark_used(store.folder, "yoga", "sync", "gone")
-    assert (store.folder / ".cache/.used/yoga").read_text() == "sync/one\n"
+    mark_used(store.folder, "sync", "gone")
+    assert [r.key for r in cached_results(store.folder)] == ["one"]
 
 
 def test_detections_of_existing_actions_are_in_use(store: Store) -> None:
@@ -269,22 +267,11 @@ def test_the_least_recently_used_go_until_the_size_fits() -> None:
     assert [r.key for r in both] == ["a", "b"]
 
 
-def test_an_action_s_results_are_those_that_no_other_has_used(store, publish_at):
-    for key, action in (("one", "yoga"), ("two", "yoga"), ("two", "dance"), ("three", "dance")):
-        publish_at(key, action)
-    publish_at("four", "yoga")
-    publish_at("four", "dance")
-    results = cached_results(store.folder)
-    chosen = removable(results, now_s=1e12, action="yoga", older_s=0.0)
-    assert [r.key for r in chosen] == ["one"]
-
-
-def test_what_is_removed_is_forgotten_and_can_be_made_again(store, publish_at):
+def test_what_is_removed_can_be_made_again(store, publish_at):
     old = publish_at("one", "yoga")
     publish_at("two", "yoga")
-    remove(store.folder, [old])
+    remove([old])
     assert not old.exists()
-    assert (store.folder / ".cache/.used/yoga").read_text() == "sync/two\n"
     assert store.find("yoga", "sync", "one") is None
     assert publish_at("one", "yoga").exists()
 
@@ -303,7 +290,7 @@ def test_leftovers_are_unfinished_files_and_folders(store, publish_at):
     assert leftovers(store.folder, "yoga") == paths
     in_cache = [path for path in paths if ".cache" in path.parts]
     assert leftovers(store.folder, "serve") == in_cache
-    remove(store.folder, paths)
+    remove(paths)
     assert leftovers(store.folder) == []
     assert {p.name for p in store.folder.rglob("*.mcap")} == {"one.mcap", "sync.mcap"}
 
@@ -379,11 +366,3 @@ def test_nothing_behind_a_link_is_a_leftover(store: Store, tmp_path: Path, place
     assert all(file.exists() for file in theirs)
     assert link.is_symlink()
     assert not (link.parent / ".mine.part").exists() or place == "other"
-
-
-def test_a_record_of_use_may_be_damaged(store, publish_at):
-    file = publish_at("one", "yoga")
-    (store.folder / ".cache/.used/yoga").write_bytes(b"\xff\xfe\n")
-    assert [r.file for r in cached_results(store.folder)] == [file]
-    publish_at("one", "yoga")
-    assert cached_results(store.folder)[0].actions == {"yoga"}

@@ -36,7 +36,7 @@ QUICK = {
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 STAGES = list(read_pipeline(PROJECT / "pipeline.yaml").stages)
-STAYS = (".lock", ".cache", ".used", ".made.json")  # hidden files and folders that belong there
+STAYS = (".lock", ".cache", ".made.json")  # hidden files and folders that belong there
 
 
 def quick() -> list[tuple[str, str, object]]:

@@ -244,23 +244,6 @@ def test_results_go_until_the_cache_fits_the_oldest_first(used: Toy, capsys: Cap
     assert f"The results that must stay take {stay}." in capsys.readouterr().out
 
 
-def test_an_action_s_results_only(used: Toy, capsys: Capture) -> None:
-    other = used.root / "actions" / "other"
-    other.mkdir()
-    text = (used.action / "action.yaml").read_text().replace("name: toy", "name: other")
-    (other / "action.yaml").write_text(text)
-    for name in ("v1.txt", "v2.txt"):
-        (other / name).write_text("5")
-    assert used.imocap(["run", "other"]) == 0
-    assert used.imocap(["run", "other", "--set", "sync.method=als"]) == 0
-    assert len(results(used)) == 10
-    assert used.imocap(["clean", "other", "--older", "0"]) == 0
-    assert len(results(used)) == 8
-    assert "Removed 2 results" in capsys.readouterr().out
-    assert used.imocap(["clean", "nobody", "--older", "0"]) == 2
-    assert "nobody" in capsys.readouterr().err
-
-
 def test_nothing_is_removed_while_a_run_is_in_progress(used: Toy, capsys: Capture) -> None:
     with exclusive(used.root / "artifacts" / "toy" / ".lock", lambda: None):
         assert used.imocap(["clean", "--older", "0"]) == 1

@@ -56,7 +56,7 @@ ORDER = (
     *("pick", "run", "run-all", "view", "export", "angles", "video", "report", "compare"),
     "sync",
     *("status", "list"),
-    *("explain", "stage", "detect", "people", "params", "formats", "push", "pull", "clean"),
+    *("explain", "stage", "detect", "people", "params", "formats", "clean"),
     *("benchmark", "doctor"),
 )
 HEAVY = ("numpy", "pydantic", "scipy", "torch", "rich.table", "yaml", "imocap_core.library")

@@ -5,6 +5,7 @@ import pytest
 
 from imocap_core.collect.films import ShotTrack
 from imocap_core.collect.matching import (
+    MIRROR_MARGIN,
     RATES,
     Match,
     Template,
@@ -36,7 +37,7 @@ def template() -> Template:
 
 
 def found(of: ShotTrack) -> list[Match]:
-    matches = matches_in(0, of, [samples_of(of, rate) for rate in RATES], template(), PARAMS)
+    matches = matches_in(0, of, [samples_of(of, rate) for rate in RATES], template())
     return [match for match in matches if match.score >= PARAMS.certain_score]
 
 
@@ -54,7 +55,7 @@ def test_the_view_and_the_speed_do_not_matter(rate: float, azimuth_deg: float) -
 def test_a_mirrored_shot_is_recognised() -> None:
     (match,) = found(track(SOUGHT, shot=8, mirrored=True, azimuth_deg=40))
     assert match.mirrored
-    assert match.mirror_margin > PARAMS.mirror_margin
+    assert match.mirror_margin > MIRROR_MARGIN
 
 
 @pytest.mark.parametrize("other", [0, 1, 2])
@@ -79,14 +80,14 @@ def test_what_is_repeated_most_is_the_dominant_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
     tracks += [track(SOUGHT, shot=10 + k, azimuth_deg=80.0 * k) for k in range(4)]
     samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
-    best = dominant_template(samples, pool_of(tracks), lambda a, b: False, PARAMS)
+    best = dominant_template(samples, pool_of(tracks), lambda a, b: False)
     assert best[1] >= len(OTHERS)
 
 
 def test_where_nothing_is_repeated_there_is_no_dominant_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
     samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
-    assert dominant_template(samples, pool_of(tracks), lambda a, b: False, PARAMS) is None
+    assert dominant_template(samples, pool_of(tracks), lambda a, b: False) is None
 
 
 def test_replays_of_one_take_alone_are_no_repeated_movement() -> None:
@@ -94,7 +95,7 @@ def test_replays_of_one_take_alone_are_no_repeated_movement() -> None:
     tracks.append(track(SOUGHT, shot=9))
     samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
     same = {(0, 4), (4, 0)}
-    assert dominant_template(samples, pool_of(tracks), lambda a, b: (a, b) in same, PARAMS) is None
+    assert dominant_template(samples, pool_of(tracks), lambda a, b: (a, b) in same) is None
 
 
 def test_an_occurrence_exceeds_what_everybody_else_is_like() -> None:

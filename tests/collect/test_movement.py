@@ -109,7 +109,7 @@ def by_example(people: FilmTracks) -> list[list[Match]]:
     joints = (1 - UNLIKE) * shown.joints + UNLIKE * other.joints
     samples = samples_of(ShotTrack(**{**vars(shown), "joints": joints}), 1.0)
     inside = (samples.frame >= 0.5 * FPS) & (samples.frame < 2.5 * FPS)
-    return matches_of_all(people, template_of(part_of(samples, inside), people.pool()), PARAMS)
+    return matches_of_all(people, template_of(part_of(samples, inside), people.pool()))
 
 
 @pytest.fixture(scope="module")

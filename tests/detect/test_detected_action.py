@@ -1,6 +1,5 @@
 """An action whose keypoints are to be detected, through the command line."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -81,27 +80,6 @@ def test_what_was_finished_before_a_break_is_kept(place, capsys, monkeypatch):
     clip(place.folder / "b.mp4", [30, 32, 34])
     assert place.run("detect", "mine") == 0
     assert capsys.readouterr().out.count(".npz") == 2
-
-
-@pytest.mark.parametrize("first", [["--store"], []])
-def test_what_was_detected_on_one_machine_is_not_on_another(place, tmp_path, capsys, first):
-    """Also where the first run had no store, and the next one publishes what is missing."""
-    store = tmp_path / "shared"
-    store.mkdir()
-    given = ["--store", str(store)]
-    assert place.run("run", "mine", "--until", "keypoints", *(given if first else [])) == 0
-    if not first:
-        assert not list(store.iterdir())
-        assert place.run("run", "mine", "--until", "keypoints", *given) == 0
-    assert len(list(store.glob("results/detections/*.npz"))) == 2
-    shutil.rmtree(place.root / "artifacts")
-    for file in store.glob("results/keypoints/*"):
-        file.unlink()
-    capsys.readouterr()
-    assert place.run("run", "mine", "--until", "keypoints", *given) == 0
-    out = capsys.readouterr().out
-    assert "has no detections" not in out
-    assert "1 made" in out
 
 
 def test_status_before_and_after(place: Place, capsys: Capture) -> None:

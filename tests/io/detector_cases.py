@@ -27,8 +27,6 @@ CASES: dict[str, tuple[Write, str, str]] = {  # name: writer, format, layout
     "npz 133": (made.write_npz, "npz", "wholebody133"),
     "mediapipe": (made.write_mediapipe, "mediapipe", "mediapipe33"),
     "cpn_npz": (made.write_cpn_npz, "cpn_npz", "h36m17"),
-    "deeplabcut": (made.write_deeplabcut, "deeplabcut", "coco17"),
-    "sleap": (made.write_sleap, "sleap", "coco17"),
     "alphapose cmu": (made.write_alphapose_cmu, "alphapose", "coco18"),
     "alphapose open": (made.write_alphapose_open, "alphapose", "coco18"),
     "alphapose folder": (made.write_alphapose_folder, "alphapose", "coco18"),

@@ -227,50 +227,6 @@ def write_sam3d_body(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes
     return path
 
 
-def left_top(p: Truth, t: int) -> np.ndarray:
-    """left, top, width, height and score of a person's box."""
-    return np.array([*p.box_px[t, :2], 40.0, 100.0, 0.9], dtype="f4")
-
-
-def write_nlf(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
-    """Batches of two pictures, as `detect_smpl_batched` returns them."""
-    content = []
-    for first in range(0, FRAMES, 2):
-        at = (first, first + 1)
-        content.append({
-            "pose": [torch.as_tensor(np.array([p.theta[t] for p in people])).float() for t in at],
-            "boxes": [torch.as_tensor(np.array([left_top(p, t) for p in people])) for t in at],
-            "joints3d": [torch.zeros(len(people), 24, 3) for _ in at],
-        } | changes)  # fmt: skip
-    torch.save(content, folder / "nlf.pt")
-    return folder / "nlf.pt"
-
-
-def write_multihmr(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
-    """loc: in a square of 896 pixels, into whose middle the picture of 640 x 360 fits."""
-    side, scale = 896, 896 / SIZE[0]
-    frames = [
-        [{"rotvec": torch.as_tensor(np.pad(p.theta[t, :66], (0, 93)).reshape(53, 3)).float(),
-          "loc": torch.as_tensor(scale * p.middle_px[t] + [0, (side - scale * SIZE[1]) / 2]),
-          "scores": torch.tensor(0.8)} | changes for p in people]
-        for t in range(FRAMES)
-    ]  # fmt: skip
-    torch.save({"img_size": side, "frames": frames}, folder / "multihmr.pt")
-    return folder / "multihmr.pt"
-
-
-def write_metrabs(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
-    content = [
-        {"poses3d": np.array([1000 * joints_of(p, 24)[t] for p in people]),
-         "boxes": np.array([left_top(p, t) for p in people]),
-         "poses2d": np.zeros((len(people), 24, 2), "f4")} | changes
-        for t in range(FRAMES)
-    ]  # fmt: skip
-    path = folder / "metrabs.pkl"
-    path.write_bytes(pickle.dumps(content))
-    return path
-
-
 def write_mediapipe(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
     content = [
         {

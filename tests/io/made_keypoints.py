@@ -138,40 +138,6 @@ def write_positions(folder: Path, positions: Any, layout_name: str) -> Path:
     return path
 
 
-def write_deeplabcut(folder: Path, made: People, layout: str = "coco17") -> Path:
-    persons = max(len(in_frame) for in_frame in made.values())
-    parts = [name.title().replace("_", "") for name in layout_names(layout)]
-    heading = [(f"p{i}", part, c) for i in range(persons) for part in parts for c in _COORDS]
-    rows = [["scorer"] + ["DLC_resnet50"] * len(heading)]
-    if persons > 1:
-        rows.append(["individuals", *(who for who, _, _ in heading)])
-    rows += [
-        ["bodyparts", *(part for _, part, _ in heading)],
-        ["coords", *(c for _, _, c in heading)],
-    ]
-    for frame, in_frame in made.items():
-        cells = [_cell(number) for person in in_frame for number in person.ravel()]
-        rows.append([str(frame), *cells, *[""] * (len(heading) - len(cells))])
-    return _csv(folder / "clipDLC_resnet50.csv", rows)
-
-
-_COORDS = ("x", "y", "likelihood")
-
-
-def write_sleap(folder: Path, made: People, layout: str = "coco17") -> Path:
-    names = [name.replace("_", "-") for name in layout_names(layout)]
-    heading = [f"{name}.{what}" for name in names for what in ("x", "y", "score")]
-    rows = [["track", "frame_idx", "instance.score", *heading]]
-    for frame, in_frame in made.items():
-        for i, person in enumerate(in_frame):
-            rows.append([f"track_{i}", str(frame), "0.9", *(_cell(n) for n in person.ravel())])
-    return _csv(folder / "clip.analysis.csv", rows)
-
-
-def _cell(number: float) -> str:
-    return "" if np.isnan(number) else repr(float(number))
-
-
 def _csv(path: Path, rows: list[list[str]]) -> Path:
     with path.open("w", newline="") as stream:
         csv.writer(stream).writerows(rows)

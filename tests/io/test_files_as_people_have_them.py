@@ -227,7 +227,6 @@ REFUSED: dict[str, tuple[Make, str]] = {
     "an empty file": (named("a.json", ""), "is empty; run the detector again"),
     "a page instead of a file": (named("a.json", "<html>"), "is not JSON .*; run the detector"),
     "JSON of another kind": (named("a.json", '[{"joints": 3}]'), "`imocap formats` lists"),
-    "SLEAP's project": (named("a.slp"), "is SLEAP's project; export its analysis"),
     "3D motion": (named("a.trc"), "is a file of 3D motion"),
     "an estimator's result": (named("results.pkl"), "a monocular estimate is given as `initial`"),
     "a video": (named("a.mp4"), "write `keypoints: detect`"),

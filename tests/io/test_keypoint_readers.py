@@ -2,7 +2,6 @@
 
 import json
 import pickle
-import random
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +59,7 @@ def test_scores_of_heat_maps_count_as_one_at_most(tmp_path: Path) -> None:
 def test_frames_without_anybody_stay(tmp_path: Path) -> None:
     people = made.people("coco17")
     people[1] = []
-    for write, kind in ((made.write_mmpose, "mmpose"), (made.write_deeplabcut, "deeplabcut")):
+    for write, kind in ((made.write_mmpose, "mmpose"), (made.write_ultralytics, "ultralytics")):
         detected = read(write(tmp_path, people), kind, "coco17")
         assert [len(here) for here in detected.people] == [2, 0, 2]
 
@@ -119,21 +118,21 @@ def test_videopose3d_clips_are_chosen_by_the_videos_name(tmp_path: Path) -> None
 
 def test_body_parts_may_be_written_in_many_ways(tmp_path: Path) -> None:
     people = made.people("coco17", persons=1)
-    path = made.write_sleap(tmp_path, people)
+    path = made.write_tfjs(tmp_path, people)
     text = path.read_text()
     for old, new in (
-        ("left-knee", "LKnee"), ("right-knee", "knee_R"), ("left-hip", "Left Hip"),
-        ("right-hip", "right_hip"), ("left-wrist", "leftwrist"), ("nose", "Nose"),
+        ("left_knee", "LKnee"), ("right_knee", "knee_R"), ("left_hip", "Left Hip"),
+        ("right_hip", "right-hip"), ("left_wrist", "leftwrist"), ("nose", "Nose"),
     ):  # fmt: skip
         text = text.replace(old, new)
     path.write_text(text)
-    np.testing.assert_allclose(read(path, "sleap", "coco17").people[0][0], people[0][0])
-    path.write_text(path.read_text().replace("-", "x"))
-    detected = read(path, "sleap", "body25")  # the neck is not in the file
+    np.testing.assert_allclose(read(path, "tfjs", "coco17").people[0][0], people[0][0])
+    path.write_text(path.read_text().replace("_", "x"))
+    detected = read(path, "tfjs", "mediapipe33")  # whose second point is not in the file
     assert np.isnan(detected.people[0][0, 1]).any()
-    path.write_text("track,frame_idx,instance.score,snout.x,snout.y\n,0,1,2,3\n")
+    path.write_text('[{"keypoints": [{"x": 2, "y": 3, "name": "snout"}]}]')
     with pytest.raises(ValueError, match="at least 4 body parts named like coco17's"):
-        read(path, "sleap", "coco17")
+        read(path, "tfjs", "coco17")
 
 
 EACH = pytest.mark.parametrize("case", FILES)
@@ -161,7 +160,7 @@ def test_a_file_of_something_else_is_refused(case: str, content: str, tmp_path: 
         format_and_layout(path, None, None)
 
 
-NAMED = [n for n in FILES if CASES[n][1] in ("deeplabcut", "sleap", "tfjs") or "csv" in n]
+NAMED = [n for n in FILES if CASES[n][1] == "tfjs" or "csv" in n]
 
 
 @pytest.mark.parametrize("case", [n for n in FILES if n not in NAMED])
@@ -189,8 +188,8 @@ def test_nobody_in_the_whole_file_is_refused(case: str, tmp_path: Path) -> None:
     for in_frame in unseen.values():
         in_frame[0][:, 2] = 0.0
     path = write(tmp_path, unseen)
-    kinds = ("alphapose", "coco", "mmpose", "ultralytics", "mediapipe", "sleap", "openpose", "tfjs")
-    if kind in kinds and (path.suffix != ".csv" or kind == "sleap"):
+    kinds = ("alphapose", "coco", "mmpose", "ultralytics", "mediapipe", "openpose", "tfjs")
+    if kind in kinds and path.suffix != ".csv":
         assert all(np.isnan(p[..., 0]).all() for p in read(path, kind, layout).people)
     else:
         assert "at least one person" in refused(path, kind, layout)
@@ -250,23 +249,6 @@ def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
     assert not victim.exists()
     pickle.loads(pickle.dumps(touching(victim)))
     assert victim.exists()  # it would have
-
-
-@EACH
-def test_damaged_files_are_read_or_refused_but_never_fail(case: str, tmp_path: Path) -> None:
-    """A few bytes changed, wherever."""
-    path, _, kind, layout = written(case, tmp_path)
-    whole, rng = path.read_bytes(), random.Random(0)
-    for _ in range(15):
-        damaged = bytearray(whole)
-        for _ in range(rng.randint(1, 4)):
-            damaged[rng.randrange(len(damaged))] = rng.randrange(256)
-        path.write_bytes(bytes(damaged))
-        for attempt in (read, format_and_layout):
-            try:
-                attempt(path, kind, layout if attempt is read else None)
-            except ValueError as error:
-                assert str(path) in str(error)  # noqa: PT017
 
 
 def _write(folder: Path, people: list[np.ndarray]) -> Path:

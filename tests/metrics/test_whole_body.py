@@ -8,7 +8,6 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.metrics.position import joint_errors_mm, mean_over_frames
 from imocap_core.metrics.whole_body import (
     aligned_joint_errors_mm,
-    closed_part,
     edges_of,
     joint_rotation_errors_deg,
     mpjae_deg,
@@ -17,7 +16,6 @@ from imocap_core.metrics.whole_body import (
     segment_rotations,
     stretched_edge_shares,
     vertex_distances_mm,
-    volumes_m3,
 )
 
 ANCHORS = [0, 1, 2, 3]
@@ -189,30 +187,3 @@ def test_an_edge_without_length_is_left_out() -> None:
     rest[1] = rest[0]
     shares = stretched_edge_shares(CUBE[None], rest, np.array([[0, 1], [2, 3]]))
     np.testing.assert_allclose(shares, [0.0])
-
-
-def test_volume_of_a_closed_cube() -> None:
-    faces, ends = closed_part(FACES, np.ones(8, dtype=bool))
-    assert len(faces) == 12
-    assert len(ends) == 0
-    volume = float(volumes_m3(2 * CUBE + 5, faces, ends))
-    assert abs(volume) == pytest.approx(8.0)
-
-
-def test_open_ends_are_closed_separately():
-    # A tube of square section, open at both ends (x = 0 and x = 1).
-    tube = FACES[4:]
-    faces, ends = closed_part(tube, np.ones(8, dtype=bool))
-    assert len(faces) == 8
-    assert sorted(np.bincount(ends[:, 2])) == [4, 4]
-    for end in (0, 1):  # each rim is a closed loop
-        rim = ends[ends[:, 2] == end]
-        assert sorted(rim[:, 0]) == sorted(rim[:, 1])
-    volume = volumes_m3(np.stack([CUBE, CUBE @ R.T - 3, CUBE * [2, 1, 1]]), faces, ends)
-    np.testing.assert_allclose(np.abs(volume), [1.0, 1.0, 2.0])
-
-
-def test_a_part_leaves_out_faces_that_are_not_wholly_in_it() -> None:
-    faces, ends = closed_part(FACES, CUBE[:, 2] < 0.5)
-    assert len(faces) == 2  # the square z = 0
-    assert len(ends) == 4

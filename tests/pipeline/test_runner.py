@@ -191,7 +191,7 @@ def test_a_signal_ends_a_run_with_its_exit_code_and_leaves_nothing(toy, number, 
     stopped = "imocap: stopped; finished stages are stored, run again to continue\n"
     assert toy.apart("run", "toy", TOY_SCALE=f"signal {number.value}") == (code, stopped)
     folder = toy.root / "artifacts"
-    hidden = {p.name for p in folder.rglob(".*")} - {".cache", ".lock", ".used"}
+    hidden = {p.name for p in folder.rglob(".*")} - {".cache", ".lock"}
     assert hidden == set()
     assert set(toy.digests()) == {"gather"}
 

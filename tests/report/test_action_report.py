@@ -1,17 +1,13 @@
 """The page at the end of a run: made once, made again only when something has changed."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from imocap_core.artifacts.schemas import SmplBa
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.generation import record, seconds_of, timing_table
-from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
-from imocap_core.report.action_report import SINGLE, complete, finish, single_model, verdict_of_run
-from imocap_core.report.page_files import refresh_pages
+from imocap_core.report.action_report import complete, finish, verdict_of_run
+from imocap_core.report.page_files import prose, refresh_pages
 from tests.pipeline.stored import NAME, stored_job
 from tests.report.made import Made
 
@@ -37,10 +33,10 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     page = finish(job, _outcomes(job, "made"))
     assert page.name == "report.html"
     text = page.read_text()
-    for part in ("Summary", "Synchronisation", "Time for each stage", "mpjpe_mm"):
+    for part in ("Summary", "Uncertainty", "mpjpe_mm"):
         assert part in text
     folder = page.parent
-    for name in ("cycle.webp", "results.webp", "uncertainty.png", "report.md"):
+    for name in ("results.webp", "uncertainty.png"):
         assert (folder / name).stat().st_size > 500
     first = page.stat().st_mtime_ns
     assert finish(job, _outcomes(job)) == page
@@ -68,8 +64,9 @@ def test_the_report_begins_with_the_verdict_of_the_run_and_what_breaks_off_is_ma
         finish(job, _outcomes(job))
         assert page.read_bytes() == whole
     verdict = verdict_of_run(job, _outcomes(job))
-    text = page.with_name("report.md").read_text()
-    assert text.startswith(f"# {NAME}: {verdict.level}\n\n" + "\n\n".join(verdict.summary))
+    text = page.read_text()
+    assert f'<span class="level {verdict.level}">' in text
+    assert text.index(prose(verdict.summary[0])) < text.index("Technical details")
     text = page.with_name("verdict.json").read_text()
     for other in ("{broken", text.replace("summary", "summery"), text.replace("v1", "v9")):
         page.with_name("verdict.json").write_text(other)
@@ -108,34 +105,3 @@ def test_a_run_that_stops_early_has_no_page(made: Made, tmp_path: Path) -> None:
     assert not complete({o.stage: o.stored for o in early})
     assert finish(job, early) is None
     assert not (job.store.report(NAME) / "report.html").exists()
-
-
-def test_seconds_belong_to_the_result_they_made(made: Made, tmp_path: Path) -> None:
-    job = stored_job(tmp_path, made)
-    outcomes = _outcomes(job, "made")
-    record(job.store, NAME, outcomes)
-    digests = {o.stage: o.stored.digest for o in outcomes}
-    assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
-    assert seconds_of(job.store, NAME, {"sync": "another"}) == {"sync": None}
-    record(job.store, NAME, _outcomes(job, "cached"))
-    assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
-    for damaged in ("{broken", '{"sync": "x"}', '{"sync": {"x": []}}', "[3]", "[" * 100_000):
-        (tmp_path / "artifacts" / NAME / "timings.json").write_text(damaged)
-        assert seconds_of(job.store, NAME, {"sync": "x"}) == {"sync": None}
-    table = timing_table({"a": 1.0, "b": 2.0}, 100)
-    assert table.rows[-1] == ["all stages", 3.0, 30.0]
-    assert timing_table({"a": 1.0, "b": None}, 100).rows[-1] == ["b", None, None]
-
-
-def test_the_single_model_is_found_where_it_has_been_made(made: Made, tmp_path: Path) -> None:
-    job = stored_job(tmp_path, made)
-    stored = {o.stage: o.stored for o in _outcomes(job)}
-    assert single_model(job, stored) is None
-    chosen = settings(job.pipeline, job.action.params, job.action.file, [SINGLE])
-    key = replace(job, settings=chosen).recipe("smpl_ba", stored).key
-    one = made.single.model_copy(update={"status": "one motion for all"})
-    job.store.put("smpl_ba", key, one, {}, {})
-    single = single_model(job, stored)
-    assert single.decode(SmplBa).status == "one motion for all"
-    job.store.put("smpl_ba", key, made.single, {}, {})
-    assert single_model(job, stored) is None  # what is shown anyway

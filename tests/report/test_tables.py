@@ -29,7 +29,7 @@ from imocap_core.evaluate.action_scores import CALIBRATION_METRICS, normalised_r
 from imocap_core.evaluate.scoreboard import StageResult, against_truth, cycle_row
 from imocap_core.io.truth import read_truth
 from imocap_core.metrics.scoring import ScoreRow, over_videos
-from imocap_core.report.page import html_table, markdown
+from imocap_core.report.page import html_table
 from imocap_core.report.table_files import GLOSSARY, cell_text, column_title, csv_text, json_text
 from imocap_core.report.tables import (
     ground_tables,
@@ -81,14 +81,7 @@ def test_columns_are_headed_by_words_and_units() -> None:
     titles = [column_title(name) for name in GLOSSARY]
     assert len(set(titles)) == len(titles)
     assert [t for t in titles if "_" in t or "mpj" in t] == []
-    assert "joint error (mm)" in markdown(metric_tables(ROWS, over_videos(ROWS))[0])
-
-
-def test_markdown_aligns_numbers_and_escapes_bars() -> None:
-    table = long_table([ScoreRow("a|b", "v1", "mpjpe_mm", 1.0)])
-    lines = markdown(table).splitlines()
-    assert lines[3] == "| --- | --- | --- | ---: | --- |"
-    assert lines[4].startswith("| a\\|b | v1 | mpjpe_mm | 1.000 |")
+    assert "joint error (mm)" in html_table(metric_tables(ROWS, over_videos(ROWS))[0])
 
 
 def test_html_escapes_what_others_wrote() -> None:
@@ -221,7 +214,8 @@ def test_what_is_known_is_shown_and_the_rest_is_a_dash(made: Made) -> None:
     assert videos.rows[2][:4] == ["v3", "excluded", 1.25, None]
     assert videos.note == "v3 seems to show another action."
     assert cycles.rows == [["v1 v2 v3", 0.75, 0.025, 0.9]]
-    assert "| v3 | excluded | 1.250 | – |" in markdown(videos)
+    row = '<td>v3</td><td>excluded</td><td class="n">1.250</td><td>–</td>'
+    assert row in html_table(videos)
     assert trust_tables(made.sync) == []
 
 

@@ -188,19 +188,6 @@ def frame_entries(content: Any, path: Path) -> list[Any]:
     return entries
 
 
-def is_empty(people: Any) -> bool:
-    """Whether a list or an array of people has none."""
-    return people == [] if isinstance(people, list) else np.shape(people)[:1] == (0,)
-
-
-def box_middles(boxes: Any, people: int, where: str) -> Float[np.ndarray, "P 2"]:
-    """Middles of one frame's ``boxes``: left, top, width, height, and perhaps a score; pixels."""
-    table = field({"boxes": boxes}, "boxes", (people, "4 or 5"), where)
-    if table.shape[1] < 4:
-        raise ValueError(f"{where}: boxes: expected left, top, width, height, got {table.shape}")
-    return np.asarray(table[:, :2] + 0.5 * table[:, 2:4])
-
-
 def read_saved(path: Path) -> Any:
     """The content of a JSON, .npy, .pkl or .pt file."""
     return read_json(path) if path.suffix == ".json" else read_results(path)

@@ -1,12 +1,4 @@
-"""Estimators of 3D joints: joints_npz, MeTRAbs, NLF, SAM 3D Body; what their users saved.
-
-MeTRAbs: a list with one dictionary per frame: ``poses3d`` (people, 24, 3) millimetres in camera
-axes, in SMPL's order, and ``boxes`` (people, 4 or more) left, top, width, height in pixels; a JSON,
-.npy, .pkl or .pt file.
-
-NLF: a list of `detect_smpl_batched`'s dictionaries, one for every batch of pictures in the video's
-order, or one dictionary. ``pose`` is a list over the pictures of (people, 72), axis-angle in camera
-axes (of SMPL+H and SMPL-X the first 66 numbers); ``boxes`` a list of (people, 4 or 5) as above.
+"""Estimators of 3D joints: joints_npz, and SAM 3D Body as its users saved it.
 
 SAM 3D Body: a list with one entry per frame, each a list of people, one person, or {``frame``:
 number, ``people``: list of people}; a person is a dictionary with ``pred_keypoints_3d`` (70, 3)
@@ -26,16 +18,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
 from imocap_core.io.readers.estimates import (
     PerformerBoxes,
     PersonInFrame,
-    box_middles,
     field,
     frame_entries,
-    from_vectors,
-    is_empty,
     of_performer,
     read_saved,
 )
@@ -61,71 +49,6 @@ def read_joints_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> JointsEst
     joint_names = names(arrays, "joint_names", joints.shape[1], path)
     rows = rows_for_frames(arrays, len(joints), used_frames, path)
     return JointsEstimate(joints[rows], joint_names)
-
-
-MM = 1000.0  # a metre
-
-
-def read_metrabs(path: Path, performer: PerformerBoxes) -> JointsEstimate:
-    """The performer's joints at the used frames, metres, camera axes, NaN where missing.
-
-    ValueError names file, frame, field, expected and got.
-    """
-    estimates: list[PersonInFrame] = []
-    for frame, entry in enumerate(frame_entries(read_saved(path), path)):
-        where = f"{path}: [{frame}]"
-        if isinstance(entry, dict) and is_empty(entry.get("poses3d")):
-            continue
-        poses = field(entry, "poses3d", ("people", "joints", 3), where)
-        if poses.shape[1] != len(SMPL_JOINTS):
-            raise ValueError(
-                f"{where}: poses3d: expected the 24 joints of skeleton='smpl_24', got {poses.shape}"
-            )
-        middle = box_middles(entry.get("boxes"), len(poses), where)
-        estimates += [PersonInFrame(frame, m, p) for m, p in zip(middle, poses / MM, strict=True)]
-    return JointsEstimate(of_performer(estimates, performer, path), SMPL_JOINTS)
-
-
-SMPL, BODY = 72, 66  # numbers of SMPL's 24 joints, and of the 22 that SMPL-X shares with it
-
-
-def read_nlf(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
-    """The performer's joint rotations in camera axes, NaN where missing.
-
-    ValueError names file, picture, field, expected and got.
-    """
-    content = read_saved(path)
-    batches = [content] if isinstance(content, dict) else frame_entries(content, path)
-    estimates: list[PersonInFrame] = []
-    frame = 0
-    for n, batch in enumerate(batches):
-        fields = batch if isinstance(batch, dict) else {}
-        poses, boxes = (
-            listed(fields.get(name), f"{path}: [{n}]: {name}", "a list of pictures")
-            for name in ("pose", "boxes")
-        )
-        if len(poses) != len(boxes):
-            raise ValueError(
-                f"{path}: [{n}]: expected as many pose and boxes, got {len(poses)} and {len(boxes)}"
-            )
-        for pose, box in zip(poses, boxes, strict=True):
-            estimates += _people(pose, box, frame, f"{path}: [{n}]: picture {frame}")
-            frame += 1
-    return from_vectors(of_performer(estimates, performer, path))
-
-
-def _people(pose: Any, box: Any, frame: int, where: str) -> list[PersonInFrame]:
-    if is_empty(pose):
-        return []
-    poses = field({"pose": pose}, "pose", ("people", "numbers"), where)
-    if poses.shape[1] < SMPL:
-        raise ValueError(
-            f"{where}: pose: expected {SMPL} numbers or more of each person, got {poses.shape}"
-        )
-    used = poses[:, : SMPL if poses.shape[1] == SMPL else BODY]
-    vectors = np.pad(used, ((0, 0), (0, SMPL - used.shape[1])))
-    middle = box_middles(box, len(poses), where)
-    return [PersonInFrame(frame, m, v) for m, v in zip(middle, vectors, strict=True)]
 
 
 POINTS_3D, POINTS_2D = "pred_keypoints_3d", "pred_keypoints_2d"

@@ -31,7 +31,6 @@ from jaxtyping import Float, Shaped
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.array_files import read_object
 from imocap_core.io.npz import load_arrays, numbers
-from imocap_core.io.readers.deeplabcut import read_csv
 from imocap_core.io.readers.estimates import field
 from imocap_core.io.readers.joint_estimators import NAMES, POINTS_2D, saved_people
 from imocap_core.io.readers.mediapipe import points_of_csv
@@ -42,6 +41,7 @@ from imocap_core.io.readers.people import (
     cleaned,
     detections,
     must_have_layout,
+    read_csv,
     short,
     type_name,
 )

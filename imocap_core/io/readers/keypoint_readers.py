@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.array_files import is_hdf5, read_object
+from imocap_core.io.array_files import read_object
 from imocap_core.io.npz import array_names, load_arrays
 from imocap_core.io.readers.coco import (
     PERSON_FIELDS,
@@ -25,15 +25,6 @@ from imocap_core.io.readers.coco import (
     rows_of,
     tfjs_names,
     tfjs_people,
-)
-from imocap_core.io.readers.deeplabcut import (
-    FRAME,
-    body_parts,
-    h5_nodes,
-    nodes,
-    read_csv,
-    read_deeplabcut,
-    read_sleap,
 )
 from imocap_core.io.readers.keypoint_arrays import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.readers.keypoint_arrays import (
@@ -62,6 +53,7 @@ from imocap_core.io.readers.people import (
     best_layout,
     cleaned,
     frame_files,
+    read_csv,
     read_json,
 )
 
@@ -82,8 +74,6 @@ def guess_file(path: Path) -> Guess:
         return _guess_npy(path)
     if suffix in TABLES:
         return _guess_csv(path)
-    if is_hdf5(path):
-        return _guess_h5(path)
     if suffix in (".json", *JSON_LINES):
         return _guess_json(path)
     return None, None, []
@@ -226,23 +216,12 @@ def _guess_npy(path: Path) -> Guess:
 
 def _guess_csv(path: Path) -> Guess:
     heading = read_csv(path)[0]
-    if heading[0].strip().lower() == "scorer":
-        return "deeplabcut", best_layout(body_parts(path)), []
-    if FRAME in heading and any(cell.endswith(".x") for cell in heading):
-        return "sleap", best_layout(nodes(path)), []
     if is_long(heading):
         return "mediapipe", "mediapipe33", []
     if (points := points_of_csv(path)) is not None:
         return "npz", points[1], list(points[0]["keypoints"][:PEOPLE_LOOKED_AT])
     of_mediapipe = landmark_columns(heading) is not None
     return ("mediapipe", "mediapipe33", []) if of_mediapipe else (None, None, [])
-
-
-def _guess_h5(path: Path) -> Guess:
-    names = h5_nodes(path)
-    if names is not None:
-        return "sleap", best_layout(names), []
-    return "deeplabcut", best_layout(body_parts(path)), []
 
 
 FILES_LOOKED_AT = 60
@@ -263,7 +242,6 @@ OTHERS = {  # what files that are not read are, by their suffix
     **dict.fromkeys((".mp4", ".mov", ".avi", ".mkv", ".webm"), _VIDEO),
     **dict.fromkeys((".zip", ".gz", ".7z", ".rar", ".tar", ".tgz"), "is packed; unpack it first"),
     **dict.fromkeys((".xlsx", ".xls", ".ods"), "is a spreadsheet; save it as CSV"),
-    ".slp": "is SLEAP's project; export its analysis as CSV or HDF5 (SLEAP: File, Export Analysis)",
     ".xml": "is an annotation; export it as COCO keypoints (CVAT: COCO Keypoints 1.0)",
 }
 MIN_MISFIT_RATIO = 2.0  # of the second best layout to the best, to accept the best
@@ -386,8 +364,6 @@ READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "ultralytics": read_ultralytics,
     "tfjs": read_tfjs,
     "npz": read_keypoints_npz,
-    "deeplabcut": read_deeplabcut,
-    "sleap": read_sleap,
     "sam3d_body": read_sam3d_keypoints,
 }
 # Layouts whose files may have any form: RTMLib and others write OpenPose's JSON, COCO's results

@@ -33,7 +33,6 @@ from jaxtyping import Float, Int
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.npz import array_names, load_arrays, numbers
-from imocap_core.io.readers.deeplabcut import cell_number, must_be_whole, read_csv
 from imocap_core.io.readers.estimates import Entries, PerformerBoxes, performer_rows, select_rows
 from imocap_core.io.readers.joint_estimators import JointsEstimate
 from imocap_core.io.readers.people import (
@@ -42,12 +41,15 @@ from imocap_core.io.readers.people import (
     TABLES,
     DetectedPeople,
     best_layout,
+    cell_number,
     cleaned,
     columns_of,
     detections,
     frame_number,
     listed,
+    must_be_whole,
     plain_name,
+    read_csv,
     read_json,
     short,
     type_name,

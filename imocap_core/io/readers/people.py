@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import re
@@ -129,6 +131,51 @@ def must_be_file(path: Path, field: str = "keypoints") -> None:
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
         raise ValueError(f"{path}: expected a file, found {got}; correct `{field}` in action.yaml")
+
+
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+MISSING = ("", "none", "null", "na", "n/a")
+
+
+def read_csv(path: Path) -> list[list[str]]:
+    """The non-empty rows of a CSV file, also with semicolons or tabs and decimal commas, as
+    spreadsheets write them. ValueError when it cannot be read or is empty."""
+    must_be_file(path)
+    try:
+        content = path.read_bytes()
+        text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
+        heading = text.partition("\n")[0]
+        between = max(",;\t", key=heading.count)
+        rows = [
+            row
+            for row in csv.reader(io.StringIO(text, newline=""), delimiter=between)
+            if any(map(str.strip, row))
+        ]
+        if between != ",":
+            rows = [
+                [c.replace(",", ".") if DECIMAL_COMMA.fullmatch(c.strip()) else c for c in row]
+                for row in rows
+            ]
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: is not a CSV file ({error}); export it again") from None
+    if not rows:
+        raise ValueError(f"{path}: expected a CSV file with headings, got an empty file")
+    return rows
+
+
+def must_be_whole(row: list[str], count: int, where: str) -> None:
+    """ValueError unless a row has as many cells as the heading."""
+    if len(row) != count:
+        raise ValueError(f"{where}: expected {count} cells, got {len(row)}; the file is cut off?")
+
+
+def cell_number(cell: str, where: str) -> float:
+    """A cell as a number, NaN when it is empty or says so."""
+    try:
+        return float("nan") if cell.strip().lower() in MISSING else float(cell)
+    except ValueError:
+        raise ValueError(f"{where}: expected numbers only, got {short(cell)}") from None
 
 
 def listed(value: Any, where: Path | str, what: str, advice: str = "") -> list[Any]:

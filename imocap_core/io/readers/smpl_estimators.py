@@ -28,10 +28,6 @@ PromptHMR: ``people``: {track: {``frames`` (N,), ``bboxes`` (N, 4 or more) x0, y
 people's tracks, ``smpl`` for each {``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3)}, ``bbox``
 x, y, width, height in pixels, ``tracked_time`` frames since the person was last detected}}. People
 who were not detected in a frame (``tracked_time`` above 0) are ignored there.
-
-Multi-HMR: {``img_size``: the model's, ``frames``: [one list of people a frame]}. A person has
-``rotvec`` (53, 3), axis-angle: SMPL-X's pelvis and 21 joints first; and ``loc`` (2,), the head's
-place in the square picture of ``img_size`` pixels into which the model's demo fits the video's.
 """
 
 from __future__ import annotations
@@ -51,28 +47,18 @@ from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
 from imocap_core.io.readers.estimates import (
     Entries,
     PerformerBoxes,
-    PersonInFrame,
     Track,
     checked_rotations,
     field,
     fields_of,
-    frame_entries,
     frame_ids,
     from_vectors,
-    of_performer,
     of_tracks,
     performer_of,
     performer_rows,
-    read_saved,
     select_rows,
 )
-from imocap_core.io.readers.joint_estimators import (
-    JointsEstimate,
-    read_joints_npz,
-    read_metrabs,
-    read_nlf,
-    read_sam3d_body,
-)
+from imocap_core.io.readers.joint_estimators import JointsEstimate, read_joints_npz, read_sam3d_body
 from imocap_core.io.readers.mediapipe import read_mediapipe_world
 from imocap_core.io.readers.people import frame_number, listed, type_name
 
@@ -254,45 +240,6 @@ def _number(value: Any) -> Any:
     )
 
 
-MULTIHMR_JOINTS, MULTIHMR_BODY = 53, 22  # of rotvec, and those that SMPL shares with SMPL-X
-HANDS = 6  # numbers of SMPL's hands, which stay at rest
-
-
-def read_multihmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
-    """The performer's joint rotations in camera axes, NaN where missing.
-
-    ValueError names file, frame, person, field, expected and got.
-    """
-    content = read_saved(path)
-    side = content.get("img_size") if isinstance(content, dict) else None
-    if isinstance(side, np.ndarray) and side.size == 1:
-        side = side.item()
-    if not isinstance(side, (int, float)) or not 0 < side < np.inf:
-        raise ValueError(
-            f"{path}: expected a dictionary with img_size, the model's, and frames, got "
-            f"{type_name(content)} with img_size {type_name(side)}"
-        )
-    estimates: list[PersonInFrame] = []
-    for frame, people in enumerate(frame_entries(content.get("frames"), path)):
-        where = f"{path}: frames[{frame}]"
-        for i, person in enumerate(listed(people, where, "a list of people")):
-            where = f"{path}: frames[{frame}][{i}]"
-            vectors = field(person, "rotvec", (MULTIHMR_JOINTS, 3), where)
-            middle = in_video(field(person, "loc", (2,), where), float(side), performer.size)
-            estimates.append(
-                PersonInFrame(frame, middle, np.pad(vectors[:MULTIHMR_BODY].ravel(), (0, HANDS)))
-            )
-    return from_vectors(of_performer(estimates, performer, path))
-
-
-def in_video(
-    xy: Float[np.ndarray, "2"], side: float, size: tuple[int, int]
-) -> Float[np.ndarray, "2"]:
-    """A place in a square of `side` pixels, in whose middle the picture fits, in the picture's
-    pixels."""
-    return (xy - side / 2) * max(size) / side + np.array(size) / 2
-
-
 _BODY = 66  # pelvis and the 21 joints that SMPL, SMPL-H and SMPL-X share, three numbers each
 
 
@@ -359,13 +306,10 @@ ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 
     "vibe": read_vibe,
     "hmmr": read_hmmr,
     "tram": read_tram,
-    "nlf": read_nlf,
-    "multihmr": read_multihmr,
 }
 # Joints (T, J, 3) metres in camera axes.
 JOINT_READERS: dict[str, Callable[[Path, PerformerBoxes], JointsEstimate]] = {
     "joints_npz": lambda path, performer: read_joints_npz(path, performer.frames),
     "sam3d_body": read_sam3d_body,
-    "metrabs": read_metrabs,
     "mediapipe_world": read_mediapipe_world,
 }
