@@ -151,8 +151,9 @@ def _factor(panels, letters, one, minus_one, dpotrf, dsyrk, dtrsm, dgemm):  # ty
     n_at, width_at, below_at, sides_at = [sizes.ctypes.data + 4 * i for i in range(4)]
     lower, right, no, transposed = [letters.ctypes.data + i for i in range(4)]
     plus, minus = one.ctypes.data, minus_one.ctypes.data
-    block, step = 8 * n, 8 * n * width
     for t in range(frames):
+        block = 8 * sizes[0]  # the array lives as long as it is read
+        step = width * block
         L = panels.ctypes.data + t * step
         by_address(dpotrf, (lower, n_at, L, width_at, info.ctypes.data))
         if info[0] != 0:
@@ -184,13 +185,15 @@ def _backward(panels, values, letters, one, minus_one, dtrsm, dgemm):  # type: i
     lower, right, no = [letters.ctypes.data + i for i in range(3)]
     plus, minus = one.ctypes.data, minus_one.ctypes.data
     for t in range(frames - 1, -1, -1):
-        L, here = panels.ctypes.data + t * 8 * n * width, values.ctypes.data + t * 8 * n * columns
+        block = 8 * sizes[0]  # the array lives as long as it is read
+        L = panels.ctypes.data + t * block * width
+        here = values.ctypes.data + t * block * columns
         if t + 1 < frames:
             rows = two_at if t + 2 < frames else n_at
             by_address(
                 dgemm,
-                (no, no, columns_at, n_at, rows, minus, here + 8 * n * columns, columns_at,
-                 L + 8 * n, width_at, plus, here, columns_at),
+                (no, no, columns_at, n_at, rows, minus, here + block * columns, columns_at,
+                 L + block, width_at, plus, here, columns_at),
             )  # fmt: skip
         by_address(
             dtrsm,
