@@ -72,7 +72,7 @@ def solve_pentadiagonal(
     return solution.masked_fill_((failed != 0)[:, None, None, None], torch.nan)
 
 
-def _by_address() -> Callable[..., None]:
+def _make_call_at() -> Callable[..., None]:
     from llvmlite import ir  # type: ignore[import-untyped]
     from numba import types
     from numba.extending import intrinsic
@@ -92,7 +92,7 @@ def _by_address() -> Callable[..., None]:
     return routine
 
 
-by_address = _by_address()
+_call_at = _make_call_at()
 """In compiled loops: call a routine, of C or Fortran, at an address with a tuple of addresses."""
 
 
@@ -155,19 +155,19 @@ def _factor(panels, letters, one, minus_one, dpotrf, dsyrk, dtrsm, dgemm):  # ty
         block = 8 * sizes[0]  # the array lives as long as it is read
         step = width * block
         L = panels.ctypes.data + t * step
-        by_address(dpotrf, (lower, n_at, L, width_at, info.ctypes.data))
+        _call_at(dpotrf, (lower, n_at, L, width_at, info.ctypes.data))
         if info[0] != 0:
             return False
-        by_address(
+        _call_at(
             dtrsm,
             (right, lower, transposed, no, below_at, n_at, plus, L, width_at, L + block, width_at),
         )
         for ahead in range(1, min(3, frames - t)):
             by, to = L + ahead * block, L + ahead * step
-            by_address(dsyrk, (lower, no, n_at, n_at, minus, by, width_at, plus, to, width_at))
+            _call_at(dsyrk, (lower, no, n_at, n_at, minus, by, width_at, plus, to, width_at))
             parts = [(n_at, L + 2 * block, to + block), (sides_at, L + 3 * block, to + 3 * block)]
             for rows, coupled, target in parts[ahead - 1 :]:
-                by_address(
+                _call_at(
                     dgemm,
                     (no, transposed, rows, n_at, n_at, minus, coupled, width_at, by, width_at,
                      plus, target, width_at),
@@ -190,12 +190,12 @@ def _backward(panels, values, letters, one, minus_one, dtrsm, dgemm):  # type: i
         here = values.ctypes.data + t * block * columns
         if t + 1 < frames:
             rows = two_at if t + 2 < frames else n_at
-            by_address(
+            _call_at(
                 dgemm,
                 (no, no, columns_at, n_at, rows, minus, here + block * columns, columns_at,
                  L + block, width_at, plus, here, columns_at),
             )  # fmt: skip
-        by_address(
+        _call_at(
             dtrsm,
             (right, lower, no, no, columns_at, n_at, plus, L, width_at, here, columns_at),
         )  # fmt: skip

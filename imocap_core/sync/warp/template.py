@@ -125,8 +125,7 @@ def fused(parts: Sequence[TemplatePoses]) -> TemplatePoses:
 
 
 def _solved(precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """precision^-1 pull (..., 3), of symmetric matrices by their cofactors; 0 where the precision is
-    0."""
+    """precision^-1 pull (..., 3), by cofactors of the symmetric matrices; 0 where these are 0."""
     mean = np.trace(precision, axis1=-2, axis2=-1).mean() / 3
     planes = np.ascontiguousarray(np.moveaxis(precision, (-2, -1), (0, 1)))
     planes[[0, 1, 2], [0, 1, 2]] += max(LEAST_PRECISION * float(mean), 1e-300)
