@@ -126,11 +126,11 @@ def fused(parts: Sequence[TemplatePoses]) -> TemplatePoses:
 
 def _solved(precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
     """precision^-1 pull (..., 3), by cofactors of the symmetric matrices; 0 where these are 0."""
-    mean = np.trace(precision, axis1=-2, axis2=-1).mean() / 3
-    planes = np.ascontiguousarray(np.moveaxis(precision, (-2, -1), (0, 1)))
-    planes[[0, 1, 2], [0, 1, 2]] += max(LEAST_PRECISION * float(mean), 1e-300)
+    unit = float(np.trace(precision, axis1=-2, axis2=-1).mean()) / 3 or 1.0
+    planes = np.moveaxis(precision, (-2, -1), (0, 1)) / unit
+    planes[[0, 1, 2], [0, 1, 2]] += LEAST_PRECISION
     (a, b, c), (_, d, e), (_, _, f) = planes
-    x, y, z = np.moveaxis(pull, -1, 0)
+    x, y, z = np.moveaxis(pull, -1, 0) / unit
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
     D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
     solved = np.stack([A * x + B * y + C * z, B * x + D * y + E * z, C * x + E * y + F * z], -1)
