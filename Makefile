@@ -56,6 +56,7 @@ $(STAMP): pyproject.toml constraints.txt locked.txt
 	@test -z "$(HASHES)" || $(PIP) --no-compile $(HASHES) --no-deps -r locked.txt
 	@$(PIP) --no-compile -c constraints.txt $(if $(HASHES),--no-build-isolation) -e '.[dev]'
 	@$(BIN)/python -m compileall -q -j 0 $(VENV) >/dev/null || true
+	@$(BIN)/python -m tools.compile_loops || echo "imocap: not all loops are compiled; the first run does it"
 	@touch $@
 
 all: $(STAMP)

@@ -1,8 +1,7 @@
-"""Mesh rendering: a numpy z-buffer and a painter's algorithm, shading, blending over a frame.
+"""Mesh rendering: a z-buffer and a painter's algorithm, shading, blending over a frame.
 
-Triangle rasterisation: a z-buffer in plain numpy. Every triangle proposes the pixel centres in its
-bounding box, all triangles at once. This is fast for body meshes: many triangles, each a few pixels
-large.
+Triangle rasterisation: a z-buffer. Every triangle proposes the pixel centres in its bounding box,
+one after another in a compiled loop.
 
 Painter's algorithm: fast mesh rendering over video frames, far faces first. It needs no depth per
 pixel, so its cost depends on the number of faces and hardly on the size of the picture.
@@ -20,6 +19,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
+
+from imocap_core.workers import compiled
 
 
 @dataclass(frozen=True)
@@ -94,45 +95,33 @@ def rasterize(
     width, height = size
     front, corners = _front_faces(xy_px, depth, faces)
     (left, right), (top, bottom) = map(_pixels_between, corners, size)
-    columns = np.maximum(right - left + 1, 0)
-    rows = np.where(columns > 0, np.maximum(bottom - top + 1, 0), 0)
-
-    row_owner, row_step = _spread(rows)  # the boxes' rows, then the rows' pixels
-    row_y = top[row_owner] + row_step
-    row, step = _spread(columns[row_owner])
-    x = left[row_owner][row] + step
-    weight_1, weight_2 = (
-        (along_x[row_owner][row] * x + (along_y[row_owner] * row_y)[row]) + offset[row_owner][row]
-        for along_x, along_y, offset in _planes(corners)
-    )
-    weight_0 = 1.0 - weight_1 - weight_2
-    inside = np.flatnonzero((weight_0 >= _EDGE) & (weight_1 >= _EDGE) & (weight_2 >= _EDGE))
-
-    weights = [weight[inside] for weight in (weight_0, weight_1, weight_2)]
-    row = row[inside]
-    owner, pixel = row_owner[row], row_y[row] * width + x[inside]
-    closeness_0, closeness_1, closeness_2 = (  # 1/depth is what is linear in the image
-        weight * (1.0 / depth[corner])[owner]
-        for weight, corner in zip(weights, faces[front].T, strict=True)
-    )
-    closeness = closeness_0 + closeness_1 + closeness_2
-
-    nearest = np.zeros(width * height)
-    np.maximum.at(nearest, pixel, closeness)
-    winner = np.full(width * height, -1)
-    visible = np.flatnonzero(closeness == nearest[pixel])
-    winner[pixel[visible]] = visible  # of equally near faces the last one
-    covered = np.flatnonzero(winner >= 0)
-    chosen = winner[covered]
-    weight = np.stack([weight[chosen] for weight in weights], axis=1)
-    return Fragments(covered, front[owner[chosen]], weight, 1.0 / closeness[chosen])
+    boxes = np.stack([left, right, top, bottom])
+    closeness = 1.0 / depth[faces[front]]  # 1/depth is what is linear in the image
+    nearest, owner = np.zeros(width * height), np.full(width * height, -1)
+    weights = np.empty((width * height, 3))
+    _fill_nearest(boxes, np.array(_planes(corners)), closeness, width, nearest, owner, weights)
+    covered = np.flatnonzero(owner >= 0)
+    return Fragments(covered, front[owner[covered]], weights[covered], 1.0 / nearest[covered])
 
 
-def _spread(count: Int[np.ndarray, " C"]) -> tuple[np.ndarray, np.ndarray]:
-    """Each index as often as it counts, and the number of each among those of its index."""
-    owner = np.repeat(np.arange(len(count)), count)
-    first = np.cumsum(count) - count
-    return owner, np.arange(len(owner)) - first[owner]
+@compiled
+def _fill_nearest(boxes, planes, closeness, width, nearest, owner, weights):  # type: ignore[no-untyped-def]
+    """The nearest triangle's 1/depth, index and weights at the pixels, in place; of equally near
+    ones the last."""
+    for k in range(len(closeness)):
+        left, right, top, bottom = boxes[:, k]
+        for y in range(top, bottom + 1):
+            for x in range(left, right + 1):
+                w1 = (planes[0, 0, k] * x + planes[0, 1, k] * y) + planes[0, 2, k]
+                w2 = (planes[1, 0, k] * x + planes[1, 1, k] * y) + planes[1, 2, k]
+                w0 = 1.0 - w1 - w2
+                if w0 < _EDGE or w1 < _EDGE or w2 < _EDGE:
+                    continue
+                near = w0 * closeness[k, 0] + w1 * closeness[k, 1] + w2 * closeness[k, 2]
+                pixel = y * width + x
+                if near >= nearest[pixel]:
+                    nearest[pixel], owner[pixel] = near, k
+                    weights[pixel, 0], weights[pixel, 1], weights[pixel, 2] = w0, w1, w2
 
 
 def _front_faces(

@@ -79,7 +79,9 @@ def save(figure: Figure, path: Path) -> None:
         if path.suffix == ".png":
             figure.savefig(draft, dpi=DPI, metadata={"Software": None})
         else:
-            figure.savefig(draft, dpi=DPI, transparent=True, pil_kwargs={"quality": 82})
+            # method: 0 fast to 6 small; 2 takes two fifths of the usual 4's time
+            options = {"quality": 82, "method": 2}
+            figure.savefig(draft, dpi=DPI, transparent=True, pil_kwargs=options)
 
 
 def color_of(ids: Sequence[str], video: str) -> str:

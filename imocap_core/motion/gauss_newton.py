@@ -301,12 +301,14 @@ class _OneBody:
         held: whether the normal equations of all motions are kept until a step is accepted. If
             not, each motion's are set up, factored in place and dropped, and once more after a
             rejected step.
+        factored: whether the factors of all motions are kept until the globals are known.
     """
 
     each: MapFn
     within: MapFn
     free_shape: bool
     held: bool
+    factored: bool
     alone: bool
 
     @classmethod
@@ -326,10 +328,12 @@ class _OneBody:
             alone: whether the motion is the only one that is fitted.
         """
         of_body = sum(motion.state.valid.shape[1] for motion in motions)
-        held = max(of_body, frames) + frames <= MOST_HELD  # equations, and factors of some
+        factored = 2 * of_body <= MOST_HELD
+        most = max(of_body, frames)
+        held = most + (most if factored else frames) <= MOST_HELD  # equations and factors
         if len(motions) == 1 or at_once == 1:
-            return cls(serial_map, each, free_shape, held, alone)
-        return cls(each, serial_map, free_shape, held, alone)
+            return cls(serial_map, each, free_shape, held, factored, alone)
+        return cls(each, serial_map, free_shape, held, factored, alone)
 
     def cost(self, state: list[SolverMotion]) -> Float[np.ndarray, "1"]:
         """Sum of the motions' objectives."""
@@ -371,8 +375,8 @@ class _OneBody:
         if equations is None:
             system = self._system(motion)
             motion.state.forget()  # wanted again only where the step is rejected
-            return system.reduce(damping, in_place=True)
-        return equations.reduce(damping)
+            return system.reduce(damping, in_place=True, factored=self.factored)
+        return equations.reduce(damping, factored=self.factored)
 
     def choose(
         self, better: Bool[np.ndarray, "1"], trial: list[SolverMotion], state: list[SolverMotion]

@@ -5,12 +5,13 @@ A frame's unknowns are ``n`` local increments. Frames couple to their two succes
 frames. The few unknowns that all frames share (body shape, cameras) form a border ("arrow"),
 eliminated by their Schur complement.
 
-On a card all motions of a batch are eliminated together, frame after frame. On a processor each is
-a band of 3n diagonals, which LAPACK factors in one call without Python's lock: motions on threads
-do not wait for one another, and a loop over frames takes twice the time on one core. The factor's
-blocks lie in the band as matrices of leading dimension 3n - 1 (column j begins j entries further
-up). So solutions are products of blocks: LAPACK's own substitution reads the whole band for every
-right-hand side.
+On a card all motions of a batch are eliminated together, frame after frame. On a processor a frame
+is a panel of three blocks and k right-hand sides, and one compiled loop over the frames calls the
+BLAS and LAPACK that SciPy brings, without Python's lock: motions on threads do not wait for one
+another. Right-hand sides are further rows of a panel, so that what replaces them is the forward
+substitution; blocks outside of the band are never touched (LAPACK's dpbtrf, which takes a band of
+3n diagonals, has half as many operations again). The loop is compiled once and kept, so it takes
+the routines' addresses as arguments: they are others in every process.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 import torch
@@ -70,98 +72,133 @@ def solve_pentadiagonal(
     return solution.masked_fill_((failed != 0)[:, None, None, None], torch.nan)
 
 
-ENTRY_BYTES = 8
-ARGUMENTS = {"dpbtrf": 6, "dtrsm": 11, "dgemm": 13}  # of each routine, all of them addresses
+def _make_call_at() -> Callable[..., None]:
+    from llvmlite import ir  # type: ignore[import-untyped]
+    from numba import types
+    from numba.extending import intrinsic
+
+    def call(typing: Any, address: Any, arguments: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            whole = ir.IntType(8 * ctypes.sizeof(ctypes.c_void_p))
+            routine = ir.FunctionType(ir.VoidType(), [whole] * len(arguments))
+            pointer = builder.inttoptr(values[0], routine.as_pointer())
+            of_tuple = range(len(arguments))
+            builder.call(pointer, [builder.extract_value(values[1], k) for k in of_tuple])
+            return context.get_dummy_value()
+
+        return types.void(address, arguments), code
+
+    routine: Callable[..., None] = intrinsic(call)
+    return routine
 
 
-@compiled
-def packed_band(diagonal, next1, next2, added):  # type: ignore[no-untyped-def]
-    """The columns (T, n, 3n) of the lower triangle, each from its diagonal entry downwards.
-
-    Args:
-        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
-            ``next1`` and the last two of ``next2`` are ignored.
-        added: (T, n) to the matrix's diagonal.
-    """
-    frames, n = added.shape
-    band = np.empty((frames, n, 3 * n))
-    for t in range(frames):
-        for j in range(n):
-            column = band[t, j]
-            column[: n - j] = diagonal[t, j, j:]
-            column[0] += added[t, j]
-            column[n - j :] = 0.0
-            if t + 1 < frames:
-                column[n - j : 2 * n - j] = next1[t, j]
-            if t + 2 < frames:
-                column[2 * n - j : 3 * n - j] = next2[t, j]
-    return band
+_call_at = _make_call_at()
+"""In compiled loops: call a routine, of C or Fortran, at an address with a tuple of addresses."""
 
 
-class BandedCholesky:
-    """The factor L of a positive definite block-pentadiagonal matrix.
-
-    Args:
-        band: its `packed_band`, which the factor replaces.
-
-    Attributes:
-        definite: whether the matrix is positive definite; if not, there is no factor.
-    """
-
-    def __init__(self, band: Float[np.ndarray, "T n w"]) -> None:
-        frames, n, width = band.shape
-        info = ctypes.c_int()
-        integers = (frames * n, width - 1, width)
-        size, diagonals, leading = (ctypes.byref(ctypes.c_int(value)) for value in integers)
-        _routine("lapack", "dpbtrf")(
-            b"L", size, diagonals, band.ctypes.data, leading, ctypes.byref(info)
-        )
-        self._band = band
-        self.definite = info.value == 0
-
-    def solve(self, right: Float[np.ndarray, "T n k"]) -> None:
-        """Replace right-hand sides, a contiguous array, by the solutions."""
-        frames, n, width = self._band.shape
-        solve, multiply = _routine("blas", "dtrsm", True), _routine("blas", "dgemm", True)
-        integers = (right.shape[2], n, 2 * n, width - 1)
-        k, one, two, leading = (ctypes.byref(ctypes.c_int(value)) for value in integers)
-        plus, minus = (ctypes.byref(ctypes.c_double(sign)) for sign in (1.0, -1.0))
-        step, band_step = right.shape[2] * n * ENTRY_BYTES, n * width * ENTRY_BYTES
-        heights = [two] * (frames - 2) + [one] * (frames > 1) + [None]  # of the blocks below
-        places = [
-            (self._band.ctypes.data + t * band_step, right.ctypes.data + t * step, height)
-            for t, height in enumerate(heights)
-        ]
-        below = n * ENTRY_BYTES
-        for L, here, m in places:
-            solve(b"R", b"L", b"T", b"N", k, one, plus, L, leading, here, k)
-            if m is not None:
-                multiply(
-                    b"N", b"T", k, m, one, minus, here, k, L + below, leading, plus, here + step, k
-                )
-        for L, here, m in reversed(places):
-            if m is not None:
-                multiply(
-                    b"N", b"N", k, one, m, minus, here + step, k, L + below, leading, plus, here, k
-                )
-            solve(b"R", b"L", b"N", b"N", k, one, plus, L, leading, here, k)
+LETTERS = np.frombuffer(b"LRNT", np.uint8)
+ONE, MINUS_ONE = np.ones(1), -np.ones(1)
 
 
 @cache
-def _routine(library: str, name: str, keeps_lock: bool = False) -> Callable[..., None]:
-    """A routine of the LAPACK or BLAS that SciPy brings.
-
-    Args:
-        keeps_lock: Python's, in short calls, where to hand it over costs more than it gives.
-    """
-    capsule = import_module(f"scipy.linalg.cython_{library}").__pyx_capi__[name]
+def _routines() -> tuple[int, ...]:
+    """Addresses of dpotrf, dsyrk, dtrsm and dgemm."""
     name_of, pointer_of = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
     name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
     pointer_of.restype = ctypes.c_void_p
     pointer_of.argtypes = [ctypes.py_object, ctypes.c_char_p]
-    prototype = ctypes.PYFUNCTYPE if keeps_lock else ctypes.CFUNCTYPE
-    kind = prototype(None, *[ctypes.c_void_p] * ARGUMENTS[name])
-    return kind(pointer_of(capsule, name_of(capsule)))
+    addresses = []
+    for name in ("dpotrf", "dsyrk", "dtrsm", "dgemm"):
+        library = "lapack" if name == "dpotrf" else "blas"
+        capsule = import_module(f"scipy.linalg.cython_{library}").__pyx_capi__[name]
+        addresses.append(pointer_of(capsule, name_of(capsule)))
+    return tuple(addresses)
+
+
+class BlockCholesky:
+    """The factor L of a positive definite block-pentadiagonal matrix.
+
+    Args:
+        panels: (T, n, 3n + k) blocks (t, t), (t, t+1), (t, t+2), zeros beyond the last frame, and
+            right-hand sides; replaced by those of L^T and by ``L^-1 right``.
+
+    Attributes:
+        definite: whether the matrix is positive definite; if not, there is no factor, and the
+            right-hand sides are NaN.
+    """
+
+    def __init__(self, panels: Float[np.ndarray, "T n w"]) -> None:
+        self._panels = panels
+        self.definite = bool(_factor(panels, LETTERS, ONE, MINUS_ONE, *_routines()))
+        if not self.definite:
+            panels[:, :, 3 * panels.shape[1] :] = np.nan
+
+    def substitute_back(self, values: Float[np.ndarray, "T n k"]) -> None:
+        """Replace values, a contiguous array, by ``L^-T values``."""
+        _backward(self._panels, values, LETTERS, ONE, MINUS_ONE, *_routines()[2:])
+
+
+@compiled
+def _factor(panels, letters, one, minus_one, dpotrf, dsyrk, dtrsm, dgemm):  # type: ignore[no-untyped-def]
+    """Factor panels in place; whether the matrix is positive definite.
+
+    To BLAS a panel is a matrix of n columns: its blocks one below the other. The two frames ahead
+    lose what couples them to this one, of a symmetric block the lower triangle alone.
+    """
+    frames, n, width = panels.shape
+    sizes = np.array([n, width, width - n, width - 3 * n], np.intc)
+    info = np.zeros(1, np.intc)
+    n_at, width_at, below_at, sides_at = [sizes.ctypes.data + 4 * i for i in range(4)]
+    lower, right, no, transposed = [letters.ctypes.data + i for i in range(4)]
+    plus, minus = one.ctypes.data, minus_one.ctypes.data
+    for t in range(frames):
+        block = 8 * sizes[0]  # the array lives as long as it is read
+        step = width * block
+        L = panels.ctypes.data + t * step
+        _call_at(dpotrf, (lower, n_at, L, width_at, info.ctypes.data))
+        if info[0] != 0:
+            return False
+        _call_at(
+            dtrsm,
+            (right, lower, transposed, no, below_at, n_at, plus, L, width_at, L + block, width_at),
+        )
+        for ahead in range(1, min(3, frames - t)):
+            by, to = L + ahead * block, L + ahead * step
+            _call_at(dsyrk, (lower, no, n_at, n_at, minus, by, width_at, plus, to, width_at))
+            parts = [(n_at, L + 2 * block, to + block), (sides_at, L + 3 * block, to + 3 * block)]
+            for rows, coupled, target in parts[ahead - 1 :]:
+                _call_at(
+                    dgemm,
+                    (no, transposed, rows, n_at, n_at, minus, coupled, width_at, by, width_at,
+                     plus, target, width_at),
+                )  # fmt: skip
+    return True
+
+
+@compiled
+def _backward(panels, values, letters, one, minus_one, dtrsm, dgemm):  # type: ignore[no-untyped-def]
+    """`BlockCholesky.substitute_back`: from the last frame to the first."""
+    frames, n, width = panels.shape
+    columns = values.shape[2]
+    sizes = np.array([n, width, columns, 2 * n], np.intc)
+    n_at, width_at, columns_at, two_at = [sizes.ctypes.data + 4 * i for i in range(4)]
+    lower, right, no = [letters.ctypes.data + i for i in range(3)]
+    plus, minus = one.ctypes.data, minus_one.ctypes.data
+    for t in range(frames - 1, -1, -1):
+        block = 8 * sizes[0]  # the array lives as long as it is read
+        L = panels.ctypes.data + t * block * width
+        here = values.ctypes.data + t * block * columns
+        if t + 1 < frames:
+            rows = two_at if t + 2 < frames else n_at
+            _call_at(
+                dgemm,
+                (no, no, columns_at, n_at, rows, minus, here + block * columns, columns_at,
+                 L + block, width_at, plus, here, columns_at),
+            )  # fmt: skip
+        _call_at(
+            dtrsm,
+            (right, lower, no, no, columns_at, n_at, plus, L, width_at, here, columns_at),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -170,18 +207,31 @@ class Reduced:
 
     Attributes:
         frame_only: (B, T, n) increments if the globals stayed; response: (B, T, n, m) their
-            derivative by the globals; both with the opposite sign.
+            derivative by the globals; both with the opposite sign, and multiplied by ``L^T`` where
+            there are factors.
         schur: (B, m, m), rest: (B, m): the equations of the globals alone.
+        factors: L of every motion; none where the increments are solved for.
     """
 
     frame_only: Float[Tensor, "B T n"]
     response: Float[Tensor, "B T n m"]
     schur: Float[Tensor, "B m m"]
     rest: Float[Tensor, "B m"]
+    factors: Sequence[BlockCholesky] = ()
 
     def frames(self, d_globals: Float[Tensor, "B m"]) -> Float[Tensor, "B T n"]:
         """Frame increments that go with global ones."""
-        return -self.frame_only - torch.einsum("btni,bi->btn", self.response, d_globals)
+        values = -self.frame_only - torch.einsum("btni,bi->btn", self.response, d_globals)
+        if self.factors:
+            _substitute_back(self.factors, values[..., None])
+        return values
+
+
+def _substitute_back(factors: Sequence[BlockCholesky], values: Float[Tensor, "B T n k"]) -> None:
+    """Replace values, a contiguous tensor, by the solutions, where there is a factor."""
+    for factor, of_motion in zip(factors, values.numpy(), strict=True):
+        if factor.definite:
+            factor.substitute_back(of_motion)
 
 
 def solve_globals(reduced: Sequence[Reduced], damping: float) -> Float[Tensor, " m"]:
@@ -260,37 +310,41 @@ class NormalEquations:
         names = ("diagonal", "next1", "next2", "gradient", "border")
         return replace(self, **{name: getattr(self, name)[:, frames] for name in names})
 
-    def reduce(self, damping: float | Tensor, *, in_place: bool = False) -> Reduced:
+    def reduce(
+        self, damping: float | Tensor, *, in_place: bool = False, factored: bool = True
+    ) -> Reduced:
         """Eliminate the frames.
 
         Args:
             damping: Levenberg-Marquardt factor on the diagonal, one or (B, 1, 1).
-            in_place: the blocks of the frames are dropped as soon as they are factored.
+            in_place: the blocks of the frames are dropped before they are factored.
+            factored: the factors are kept: one right-hand side is solved for instead of 1 + m.
         """
-        solved = self._solved(damping, in_place)
-        frame_only, response = solved[..., 0], solved[..., 1:]
-        schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
-        rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
-        return Reduced(frame_only, response, schur, rest)
-
-    def _solved(self, damping: float | Tensor, in_place: bool) -> Float[Tensor, "B T n k"]:
-        """Of the frames alone: with the gradient and the border on the right."""
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
         if not for_processor(right):
             damped = _damped(self.diagonal.clone(), damping)
-            return solve_pentadiagonal(damped, self.next1, self.next2, right)
-        added = _addition(self.diagonal.diagonal(dim1=-2, dim2=-1), damping)
-        system = (self.diagonal, self.next1, self.next2, added)
-        bands = [packed_band(*motion) for motion in zip(*(x.numpy() for x in system), strict=True)]
+            solved = solve_pentadiagonal(damped, self.next1, self.next2, right)
+            return self._reduced(solved, right)
+        panels = torch.cat([self.diagonal, self.next1, self.next2, right], dim=-1)
+        n = right.shape[2]
+        _damped(panels[..., :n], damping)
+        panels[:, -1:, :, n : 3 * n] = panels[:, -2:, :, 2 * n : 3 * n] = 0.0
         if in_place:
-            del system
             self.diagonal = self.next1 = self.next2 = right.new_empty(0)
-        for motion, values in zip(map(BandedCholesky, bands), right.numpy(), strict=True):
-            if motion.definite:
-                motion.solve(values)
-            else:
-                values[:] = torch.nan
-        return right
+        factors = [BlockCholesky(motion) for motion in panels.numpy()]
+        forward = panels[..., 3 * n :].contiguous()
+        if factored:
+            return self._reduced(forward, forward, factors)
+        _substitute_back(factors, forward)
+        return self._reduced(forward, right)
+
+    def _reduced(
+        self, solved: Tensor, right: Tensor, factors: Sequence[BlockCholesky] = ()
+    ) -> Reduced:
+        """With the frames' equations solved (B, T, n, 1 + m), or both sides multiplied by L^-1."""
+        product = right.flatten(1, 2).mT @ solved.flatten(1, 2)
+        schur, rest = self.corner - product[:, 1:, 1:], self.corner_gradient - product[:, 1:, 0]
+        return Reduced(solved[..., 0], solved[..., 1:], schur, rest, factors)
 
 
 def for_processor(values: Tensor) -> bool:

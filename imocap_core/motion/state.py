@@ -33,6 +33,7 @@ from imocap_core.rotations import exp, log
 from imocap_core.workers import compiled
 
 POSE = 72
+SMALL_SINE2 = 1e-8  # below it a series gives the angle
 FRAME_UNKNOWNS = POSE + 3
 
 T = TypeVar("T")
@@ -105,7 +106,7 @@ class MotionState:
     @cached_property
     def axis_angle(self) -> Float[Tensor, "B T 24 3"]:
         """Joint rotations as vectors, radians."""
-        return log(self.R_local)
+        return logarithms(self.R_local)
 
     @property
     def unknown_globals(self) -> int:
@@ -202,6 +203,42 @@ class MotionState:
             trans=row.trans[:, :frames],
             valid=row.valid[:, :frames],
         )
+
+
+def logarithms(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
+    """Rotations as vectors, radians: `rotations.log`, on a processor in one loop."""
+    if not normal.for_processor(R) or R.requires_grad:
+        return log(R)
+    vectors = R.new_empty(R.shape[:-1])
+    _logarithms(R.reshape(-1, 9).numpy(), vectors.view(-1, 3).numpy())
+    return vectors
+
+
+@compiled
+def _logarithms(R, vectors):  # type: ignore[no-untyped-def]
+    """By quaternions: of four formulas the one that divides by the largest component."""
+    q = np.empty(4)
+    for i in range(len(R)):
+        a, b, c, d, e, f, g, h, k = R[i]
+        squares = 1 + a + e + k, 1 + a - e - k, 1 - a + e - k, 1 - a - e + k
+        if squares[0] >= max(squares[1:]):
+            q[:] = squares[0], h - f, c - g, d - b
+        elif squares[1] >= max(squares[2:]):
+            q[:] = h - f, squares[1], b + d, c + g
+        elif squares[2] >= squares[3]:
+            q[:] = c - g, b + d, squares[2], f + h
+        else:
+            q[:] = d - b, c + g, f + h, squares[3]
+        sine2 = q[1] ** 2 + q[2] ** 2 + q[3] ** 2
+        norm = np.sqrt(q[0] ** 2 + sine2)
+        if q[0] < 0:
+            norm = -norm
+        w, sine2 = q[0] / norm, sine2 / norm**2
+        if sine2 < SMALL_SINE2:
+            scale = (2 - 2 * sine2 / (3 * w * w)) / w
+        else:
+            scale = 2 * np.arctan2(np.sqrt(sine2), w) / np.sqrt(sine2)
+        vectors[i] = scale / norm * q[1:]
 
 
 FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")

@@ -19,7 +19,7 @@ seem swapped for most of a video are left: that is what a mirrored one looks lik
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -95,9 +95,13 @@ def refined_residual(
 ) -> float:
     """Mean residual of two videos' matched frames at a local minimum of the rotation."""
 
+    forth, back = (
+        _matched_residuals(a.motion, b.keypoints),
+        _matched_residuals(b.motion, a.keypoints),
+    )
+
     def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
-        forth = _matched_residuals(a.motion, b.keypoints, R)
-        return 0.5 * (forth + _matched_residuals(b.motion, a.keypoints, R.transpose(0, 2, 1)))
+        return 0.5 * (forth(R) + back(R.transpose(0, 2, 1)))
 
     R, residual = R_b_from_a, float(residuals(R_b_from_a[None])[0])
     for step_deg in STEPS_DEG:
@@ -111,19 +115,24 @@ def refined_residual(
 
 
 def _matched_residuals(
-    motion: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D, R: Float[np.ndarray, "D 3 3"]
-) -> Float[np.ndarray, " D"]:
-    """Mean over the frames of what each rotated pose leaves of its own frame's keypoints."""
+    motion: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D
+) -> Callable[[Float[np.ndarray, "D 3 3"]], Float[np.ndarray, " D"]]:
+    """Mean over the frames of what each rotated pose leaves of its own frame's keypoints, of D
+    rotations."""
     share = keypoints.weight / np.maximum(keypoints.weight.sum(1, keepdims=True), 1e-12)
     given = np.where(keypoints.weight[..., None] > 0, keypoints.xy_px, 0.0)
-    x, p = (q - np.einsum("tk,tki->ti", share, q)[:, None] for q in (given, motion))
-    cross = np.einsum("tk,tki,tkj->ijt", share, x, p).reshape(6, -1)
-    moment = np.einsum("tk,tki,tkj->ijt", share, p, p).reshape(9, -1)
-    axes = R[:, :2]
-    product = axes.reshape(-1, 6) @ cross
-    spread = np.einsum("dai,daj->dij", axes, axes).reshape(-1, 9) @ moment
-    size = np.einsum("tk,tki->t", share, x**2)
-    return residual_share(product, spread, size).mean(axis=1)
+    x, p = (q - share[:, None] @ q for q in (given, motion))
+    weighted = share[..., None] * p
+    cross, moment = ((weighted.mT @ q).reshape(len(p), -1).T.copy() for q in (x, p))
+    size = (share[..., None] * x**2).sum((1, 2))
+
+    def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
+        axes = R[:, :2]
+        product = axes.mT.reshape(-1, 6) @ cross
+        spread = (axes.mT @ axes).reshape(-1, 9) @ moment
+        return residual_share(product, spread, size).mean(axis=1)
+
+    return residuals
 
 
 MOST_PARTIAL = 200_000  # labellings at once; beyond it the cheapest, and the choice is approximate

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.metrics.position import joint_errors_mm, mean_over_frames
+from imocap_core.metrics.position import joint_errors_mm, mean_over_frames, pa_mpjpe_mm
 from imocap_core.metrics.whole_body import (
     aligned_joint_errors_mm,
     edges_of,
@@ -80,6 +80,7 @@ def test_pa_pve_forgives_a_similarity(joints: np.ndarray, rng: np.random.Generat
     assert pa_pve_mm(_moved(predicted, rng), joints) == pytest.approx(pa_pve_mm(predicted, joints))
     assert pa_pve_mm(_moved(joints, rng), joints) == pytest.approx(0, abs=1e-9)
     assert pa_pve_mm(joints * [-1, 1, 1], joints) > 50
+    assert pa_pve_mm(predicted, joints) == pytest.approx(pa_mpjpe_mm(predicted, joints), rel=1e-9)
 
 
 def test_vertex_distances_are_joint_errors_about_the_roots(joints, rng):

@@ -152,8 +152,8 @@ def test_equations_that_are_not_held_give_the_same_steps(made, monkeypatch):
     held = gauss_newton(terms, start, max_steps=6, shared_globals=True)
     monkeypatch.setattr(gauss_newton_module, "MOST_HELD", 0)
     dropped = gauss_newton(terms, start, max_steps=6, shared_globals=True)
-    assert dropped.costs == held.costs
-    assert torch.equal(dropped.state.R_local, held.state.R_local)
+    assert np.allclose(dropped.costs, held.costs, rtol=1e-9)
+    assert torch.allclose(dropped.state.R_local, held.state.R_local, atol=1e-8)
 
 
 def test_two_dimensional_keypoints_alone_lead_near_the_truth(made: Made) -> None:

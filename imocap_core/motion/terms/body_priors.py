@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body import Model
 from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.normal import NormalEquations, for_processor
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.rotations import inverse_right_jacobian
-
-CHUNK = 32  # frames at once, so that their matrices fit a processor's cache
+from imocap_core.workers import compiled
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,40 @@ class PosePriorTerm:
         pull = inverse_right_jacobian(state.axis_angle[:, :, 1:])
         pull = pull * state.valid[..., None, None, None]
         offset = _articulation(state) - self.prior.mean[component]
-        for first in range(0, pull.shape[1], CHUNK):
-            chunk = slice(first, first + CHUNK)
-            precision, joints = self.prior.precision[component[:, chunk]], pull[:, chunk]
-            slope = (precision @ offset[:, chunk, :, None]).unflatten(2, (-1, 3))
-            square = _by_joint(joints, _by_joint(joints, precision).mT)
-            normal.diagonal[:, chunk, 3:POSE, 3:POSE].add_(square, alpha=self.weight)
-            pulled = (joints.mT @ slope).flatten(2)
-            normal.gradient[:, chunk, 3:POSE].add_(pulled, alpha=self.weight)
+        if for_processor(pull):
+            target = normal.diagonal[..., 3:POSE, 3:POSE], normal.gradient[..., 3:POSE]
+            precision = self.weight * self.prior.precision
+            arrays = (*target, pull.mT.contiguous(), offset, component)
+            for motion in zip(*(x.numpy() for x in arrays), strict=True):
+                _add_pulled_back(*motion, precision.numpy())
+            return
+        precision = self.weight * self.prior.precision[component]
+        slope = (precision @ offset[..., None]).unflatten(2, (-1, 3))
+        normal.diagonal[..., 3:POSE, 3:POSE] += _by_joint(pull, _by_joint(pull, precision).mT)
+        normal.gradient[..., 3:POSE] += (pull.mT @ slope).flatten(2)
+
+
+@compiled
+def _add_pulled_back(diagonal, gradient, pull, offset, component, precision):  # type: ignore[no-untyped-def]
+    """Add ``J P J^T`` and ``J P r`` of one motion, with the frames' blocks J (T, J, 3, 3): a block
+    mixes three neighbouring rows, and what is symmetric may change its rows for columns."""
+    half, turned = np.empty_like(precision[0]), np.empty_like(precision[0])
+    for t in range(len(offset)):
+        _mix_rows(pull[t], precision[component[t]], half)
+        gradient[t] += half @ offset[t]
+        turned[:] = half.T
+        _mix_rows(pull[t], turned, half)
+        diagonal[t] += half
+
+
+@compiled
+def _mix_rows(blocks, rows, mixed):  # type: ignore[no-untyped-def]
+    for j in range(len(blocks)):
+        a, b, c = rows[3 * j], rows[3 * j + 1], rows[3 * j + 2]
+        for i in range(3):
+            x, y, z, out = blocks[j, i, 0], blocks[j, i, 1], blocks[j, i, 2], mixed[3 * j + i]
+            for k in range(len(out)):
+                out[k] = x * a[k] + y * b[k] + z * c[k]
 
 
 def _by_joint(pull: Tensor, columns: Tensor) -> Tensor:

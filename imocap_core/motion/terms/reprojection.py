@@ -1,11 +1,10 @@
 """L_2d of Eq. 3: detected keypoints against the projected body, in one or several views.
 
 Inner solve (variable projection): the rigid offsets that fit a view's frames best. Plain
-Gauss-Newton on six unknowns a frame. Every frame is by itself and small, and this runs at every
-state that is tried, so it works in the camera's axes, where a projection's derivative has four
-entries, and on planes (B, T, K) of one coordinate of all points; what is quadratic in a frame's
-rows is one product. The descent of the outer solve (`solver.descent`) would evaluate the cost of
-every step besides: the prior keeps these steps from running away without it.
+Gauss-Newton on six unknowns a frame. This runs at every state that is tried, so it is one compiled
+loop, in the camera's axes, where a projection's derivative has four entries. The descent of the
+outer solve (`gauss_newton.descend`) would evaluate the cost of every step besides: the prior keeps
+these steps from running away without it.
 
 Residuals of several views of the same points, added to the normal equations at once. A view's
 residuals depend on the body through its points alone. So the residuals of all views are first
@@ -18,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -34,11 +34,13 @@ from imocap_core.motion.terms.view import (
     projection_jacobian,
     with_rigid_offset,
 )
-from imocap_core.robust import geman_mcclure, geman_mcclure_root
+from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
+from imocap_core.workers import compiled
 
 INNER_STEPS = 30  # at most
 CONVERGED = 1e-4  # rad, m: change of an offset in the last step
+SMALL_RAD2 = 1e-8  # squared angle below which a series gives the rotation
 
 
 @torch.no_grad()  # at their optimum the offsets' change does not change the cost
@@ -61,83 +63,23 @@ def solve_rigid_offsets(
     Returns:
         Rotation and translation in the state's axes, and their inverse covariance.
     """
-    frames = _CameraAxes.of(view, scale, xyz, pivot)
+    R, centre = view.R[:, None], view.K[:, None, None, :2, 2]
     both = _twice(view.R)[:, None]  # rotation and translation, to camera axes
-    prior = both @ torch.diag_embed(precision) @ both.mT
     d = torch.zeros_like(precision) if start is None else _to_state(start, view.R.mT)
-    for _ in range(INNER_STEPS):
-        square = frames.square(d)
-        sharpness = square[..., :6, :6] + prior
-        gradient = square[..., :6, 6] + (prior * d[..., None, :]).sum(-1)
-        step = torch.linalg.solve(sharpness, gradient)
-        d = d - step
-        if float(_to_state(step, view.R).abs().max()) < CONVERGED:
-            break
+    system = xyz.new_zeros(*precision.shape, 7)  # of every frame, the gradient in the last column
+    fixed = (
+        (xyz - pivot[..., None, :]) @ R.mT,  # arms from the root, in camera axes
+        (R @ pivot[..., None])[..., 0] + view.shift,
+        view.xy_px - centre,
+        view.weight,
+        torch.stack([view.K[:, 0, 0], view.K[:, 1, 1]], -1),
+        both @ torch.diag_embed(precision) @ both.mT,
+    )
+    arrays = tuple(x.cpu().double().contiguous().numpy() for x in (*fixed, view.R))
+    offsets, systems = (x.cpu().double().contiguous().numpy() for x in (d, system))
+    _solve(arrays, scale, INNER_STEPS, CONVERGED, offsets, systems)
+    d, sharpness = (torch.as_tensor(x).to(xyz) for x in (offsets, systems[..., :6]))
     return _to_state(d, view.R), both.mT @ sharpness @ both
-
-
-@dataclass(frozen=True)
-class _CameraAxes:
-    """One view's keypoints and the common motion's, in camera axes.
-
-    Attributes:
-        arms: (B, T, 3, K) from the root, root: (B, T, 3), both metres.
-        fx, fy: (B, 1, 1) pixels; x_px, y_px: (B, T, K) from the principal point.
-        weight: (B, T, K) 1/px^2, and its root; scale: of the Geman-McClure loss.
-    """
-
-    arms: Tensor
-    root: Tensor
-    fx: Tensor
-    fy: Tensor
-    x_px: Tensor
-    y_px: Tensor
-    weight: Tensor
-    weight_root: Tensor
-    scale: float
-
-    @classmethod
-    def of(cls, view: View, scale: float, xyz: Tensor, pivot: Tensor) -> _CameraAxes:
-        R, centre = view.R[:, None], view.K[:, None, None, :2, 2]
-        x_px, y_px = (view.xy_px - centre).unbind(-1)
-        return cls(
-            arms=R @ (xyz - pivot[..., None, :]).mT,
-            root=(R @ pivot[..., None])[..., 0] + view.shift,
-            fx=view.K[:, 0, 0, None, None],
-            fy=view.K[:, 1, 1, None, None],
-            x_px=x_px.contiguous(),
-            y_px=y_px.contiguous(),
-            weight=view.weight,
-            weight_root=view.weight.sqrt(),
-            scale=scale,
-        )
-
-    def square(self, d: Tensor) -> Tensor:
-        """(B, T, 7, 7) products of the rows [by rotation | by translation | residual] at offsets d.
-
-        An arm a at the end of a derivative J by the point rotates it: ``J (w x a) = (a x J) w``.
-        """
-        arms = exp(d[..., :3]) @ self.arms
-        ax, ay, az = arms.unbind(-2)
-        x, y, z = (arms + (self.root + d[..., 3:])[..., None]).unbind(-2)
-        nearness = 1 / z.clamp_min(NEAREST_M)
-        x, y = x * nearness, y * nearness
-        u, v = x * self.fx - self.x_px, y * self.fy - self.y_px
-        root = self.weight_root * geman_mcclure_root(self.weight * (u * u + v * v), self.scale)
-        near = root * nearness
-        ux, vy = near * self.fx, near * self.fy
-        uz, vz, zero = -ux * x, -vy * y, torch.zeros_like(x)
-        rows = torch.stack(
-            [
-                ay * uz, ay * vz - az * vy,
-                az * ux - ax * uz, -ax * vz,
-                -ay * ux, ax * vy,
-                ux, zero, zero, vy, uz, vz,
-                u * root, v * root,
-            ],
-            -2,
-        ).unflatten(-2, (7, 2)).flatten(-2)  # fmt: skip
-        return rows @ rows.mT
 
 
 def _to_state(d: Tensor, R: Tensor) -> Tensor:
@@ -150,6 +92,106 @@ def _twice(R: Tensor) -> Tensor:
     both = R.new_zeros(len(R), 6, 6)
     both[:, :3, :3] = both[:, 3:, 3:] = R
     return both
+
+
+@compiled
+def _solve(arrays, scale, steps, converged, d, system):  # type: ignore[no-untyped-def]
+    """Offsets d (B, T, 6) in camera axes, in place, and the last step's equations (B, T, 6, 7)."""
+    arms, root, xy_px, weight, focal, prior, turns = arrays
+    batch, frames = d.shape[:2]
+    step = np.empty(6)
+    for _ in range(steps):
+        largest = 0.0
+        for b in range(batch):
+            for t in range(frames):
+                rows, now = system[b, t], d[b, t]
+                rows[:, :6] = prior[b, t]
+                for i in range(6):
+                    rows[i, 6] = 0.0
+                    for j in range(6):
+                        rows[i, 6] += prior[b, t, i, j] * now[j]
+                _add_points(
+                    rows, arms[b, t], root[b, t], xy_px[b, t], weight[b, t], focal[b], scale, now
+                )
+                _solve_six(rows, step)
+                for i in range(6):
+                    now[i] -= step[i]
+                for first in (0, 3):
+                    for i in range(3):
+                        change = 0.0
+                        for j in range(3):
+                            change += step[first + j] * turns[b, j, i]
+                        largest = max(largest, abs(change))
+        if largest < converged:
+            break
+
+
+@compiled
+def _add_points(rows, arms, root, xy_px, weight, focal, scale, d):  # type: ignore[no-untyped-def]
+    """Add one frame's ``J^T W [J | r]`` to rows (6, 7).
+
+    An arm a at the end of a derivative J by the point rotates it: ``J (w x a) = (a x J) w``.
+    """
+    R = np.empty((3, 3))
+    _rotation(d[0], d[1], d[2], R)
+    J = np.empty((2, 7))
+    for k in range(len(arms)):
+        if weight[k] == 0.0:
+            continue
+        x, y, z = arms[k, 0], arms[k, 1], arms[k, 2]
+        ax = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
+        ay = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
+        az = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
+        nearness = 1 / max(az + root[2] + d[5], NEAREST_M)
+        x, y = (ax + root[0] + d[3]) * nearness, (ay + root[1] + d[4]) * nearness
+        u, v = x * focal[0] - xy_px[k, 0], y * focal[1] - xy_px[k, 1]
+        robust = scale**2 / (scale**2 + weight[k] * (u * u + v * v))
+        share = np.sqrt(weight[k]) * robust
+        ux, vy = share * nearness * focal[0], share * nearness * focal[1]
+        uz, vz = -ux * x, -vy * y
+        J[0, 0], J[0, 1], J[0, 2], J[0, 3], J[0, 4] = ay * uz, az * ux - ax * uz, -ay * ux, ux, 0.0
+        J[1, 0], J[1, 1], J[1, 2], J[1, 3], J[1, 4] = ay * vz - az * vy, -ax * vz, ax * vy, 0.0, vy
+        J[0, 5], J[0, 6], J[1, 5], J[1, 6] = uz, u * share, vz, v * share
+        for i in range(6):
+            for j in range(i, 7):
+                rows[i, j] += J[0, i] * J[0, j] + J[1, i] * J[1, j]
+    for i in range(6):
+        rows[i:, i] = rows[i, i:6]
+
+
+@compiled
+def _rotation(x, y, z, R):  # type: ignore[no-untyped-def]
+    """The rotation R of a vector (`rotations.exp`), in place."""
+    square = x * x + y * y + z * z
+    if square < SMALL_RAD2:
+        sine, cosine = 1 - square / 6, 0.5 - square / 24
+    else:
+        angle = np.sqrt(square)
+        sine, cosine = np.sin(angle) / angle, 2 * np.sin(angle / 2) ** 2 / square
+    R[0] = 1 - cosine * (y * y + z * z), cosine * x * y - sine * z, cosine * x * z + sine * y
+    R[1] = cosine * x * y + sine * z, 1 - cosine * (x * x + z * z), cosine * y * z - sine * x
+    R[2] = cosine * x * z - sine * y, cosine * y * z + sine * x, 1 - cosine * (x * x + y * y)
+
+
+@compiled
+def _solve_six(rows, step):  # type: ignore[no-untyped-def]
+    """The step of one frame's symmetric equations (6, 7), by Cholesky's factorisation."""
+    L = np.zeros((6, 6))
+    for i in range(6):
+        for j in range(i + 1):
+            rest = rows[i, j]
+            for k in range(j):
+                rest -= L[i, k] * L[j, k]
+            L[i, j] = np.sqrt(rest) if i == j else rest / L[j, j]
+    for i in range(6):
+        step[i] = rows[i, 6]
+        for k in range(i):
+            step[i] -= L[i, k] * step[k]
+        step[i] /= L[i, i]
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            step[i] -= L[k, i] * step[k]
+        step[i] /= L[i, i]
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations
-from imocap_core.motion.state import POSE, Body, MotionState
+from imocap_core.motion.state import POSE, Body, MotionState, logarithms
 from imocap_core.motion.terms.base import isotropic, padded, pairs, triples
 from imocap_core.robust import cauchy
-from imocap_core.rotations import log
 
 
 @dataclass(frozen=True)
@@ -153,7 +152,7 @@ def _relative_rotations(state: MotionState) -> Tensor:
 def _steps(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3) the same as vectors, 0 at padding."""
     pair = pairs(state.valid)[..., None, None]
-    return state.cached((_steps,), lambda: log(_relative_rotations(state)) * pair)
+    return state.cached((_steps,), lambda: logarithms(_relative_rotations(state)) * pair)
 
 
 def _chords(state: MotionState) -> Tensor:
@@ -186,11 +185,8 @@ def _chord_block(Q: Tensor) -> Tensor:
 
 def _add_joint_blocks(target: Tensor, blocks: Tensor) -> None:
     """Add (B, L, 24, 3, 3) blocks on the joint diagonal of the first L frames."""
-    length = blocks.shape[1]
-    for i in range(3):
-        for j in range(3):
-            part = target[:, :length, i:POSE:3, j:POSE:3]
-            torch.diagonal(part, dim1=-2, dim2=-1).add_(blocks[..., i, j])
+    part = target[:, : blocks.shape[1], :POSE, :POSE].unflatten(-1, (-1, 3)).unflatten(-3, (-1, 3))
+    torch.diagonal(part, dim1=2, dim2=4).add_(blocks.movedim(2, -1))
 
 
 # Fitted to the training clips at 30 frames/s (tools/measure_accelerations.py).

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from imocap_core.workers import compiled
+
 DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left out
 STEEPEST = 0.9  # sine of a camera's elevation
 UNBIASED_DIRECTIONS = 48  # with as many reflected ones
@@ -110,7 +112,8 @@ def pose_residuals(
     Re<x, p> / <p, p>, and 1 - Re<x, p>^2 / (<x, x> <p, p>) of the squared spread is left.
     """
     plane, weight = centred_plane(keypoints), keypoints.weight
-    projected = np.einsum("dij,nkj->dink", directions, np.nan_to_num(motion))
+    flat = directions.reshape(-1, 3) @ np.nan_to_num(motion).reshape(-1, 3).T
+    projected = flat.reshape(len(directions), 2, *motion.shape[:2])
     right, down = projected[:, 0].swapaxes(1, 2), projected[:, 1].swapaxes(1, 2)
     weighted = weight * plane
     product = weighted.real @ right + weighted.imag @ down
@@ -123,14 +126,31 @@ def pose_residuals(
 
 def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
     """Cost of the best monotone warp with open ends, for every direction at once."""
-    total = residual[:, 0]
-    for frame in range(1, residual.shape[1]):
-        best = total + HOLD_COST
-        for step in range(1, min(MAX_STEP, total.shape[1] - 1) + 1):
-            before = total[:, :-step] + SKIP_COST * max(step - 2, 0)
-            best[:, step:] = np.minimum(best[:, step:], before)
-        total = best + residual[:, frame]
-    return total.min(axis=1)
+    return np.array(
+        [_warp(of_direction, _step_costs(residual))[0].min() for of_direction in residual]
+    )
+
+
+def _step_costs(residual: Float[np.ndarray, "*batch T N"]) -> Float[np.ndarray, " S"]:
+    """Costs of the steps of a warp among so many positions, from holding on."""
+    steps = np.arange(min(MAX_STEP, residual.shape[-1] - 1) + 1)
+    return np.where(steps == 0, HOLD_COST, SKIP_COST * np.maximum(steps - 2, 0))
+
+
+@compiled
+def _warp(residual, steps):  # type: ignore[no-untyped-def]
+    """Costs (N,) of the best warps that end at each position, and the step to each frame's
+    position on them (T, N)."""
+    total, taken = residual[0].copy(), np.zeros(residual.shape, np.int64)
+    for t in range(1, len(residual)):
+        last = total.copy()
+        for k in range(len(last)):
+            best = last[k] + steps[0]
+            for step in range(1, min(k, len(steps) - 1) + 1):
+                if last[k - step] + steps[step] < best:
+                    best, taken[t, k] = last[k - step] + steps[step], step
+            total[k] = best + residual[t, k]
+    return total, taken
 
 
 def best_warp(residual: Float[np.ndarray, "T N"]) -> tuple[float, Int[np.ndarray, " T"]]:
@@ -147,18 +167,8 @@ def best_warp(residual: Float[np.ndarray, "T N"]) -> tuple[float, Int[np.ndarray
 
 def warp_path(residual: Float[np.ndarray, "T N"]) -> Int[np.ndarray, " T"]:
     """The position of each frame on the best warp of one direction, as costed by `warp_costs`."""
-    positions = np.arange(residual.shape[1])
-    total, back = residual[0], []
-    for frame in residual[1:]:
-        best, step_to = total + HOLD_COST, np.zeros(len(positions), dtype=int)
-        for step in range(1, min(MAX_STEP, len(positions) - 1) + 1):
-            before = total[:-step] + SKIP_COST * max(step - 2, 0)
-            better = before < best[step:]
-            best[step:] = np.where(better, before, best[step:])
-            step_to[step:] = np.where(better, step, step_to[step:])
-        back.append(positions - step_to)
-        total = best + frame
+    total, taken = _warp(residual, _step_costs(residual))
     path = [int(total.argmin())]
-    for pointer in reversed(back):
-        path.append(int(pointer[path[-1]]))
+    for step_to in taken[:0:-1]:
+        path.append(path[-1] - int(step_to[path[-1]]))
     return np.array(path[::-1])

@@ -125,10 +125,17 @@ def fused(parts: Sequence[TemplatePoses]) -> TemplatePoses:
 
 
 def _solved(precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """precision^-1 pull (..., 3); 0 where the precision is 0."""
-    mean = np.trace(precision, axis1=-2, axis2=-1).mean() / 3
-    least = max(LEAST_PRECISION * float(mean), 1e-300) * np.eye(3)
-    return np.asarray(np.linalg.solve(precision + least, pull[..., None])[..., 0])
+    """precision^-1 pull (..., 3), by cofactors of the symmetric matrices; 0 where these are 0."""
+    unit = float(np.trace(precision, axis1=-2, axis2=-1).mean()) / 3 or 1.0
+    planes = np.moveaxis(precision, (-2, -1), (0, 1)) / unit
+    planes[[0, 1, 2], [0, 1, 2]] += LEAST_PRECISION
+    (a, b, c), (_, d, e), (_, _, f) = planes
+    x, y, z = np.moveaxis(pull, -1, 0) / unit
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    solved = np.stack([A * x + B * y + C * z, B * x + D * y + E * z, C * x + E * y + F * z], -1)
+    solved /= (a * A + b * B + c * C)[..., None]
+    return solved
 
 
 def median_positions(
