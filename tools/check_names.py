@@ -28,7 +28,7 @@ BUDGETS = {
     "lines of the core's longest function": 79,
     "arguments of a function of the core": 15,
     "functions of the core with more than 8 arguments": 12,
-    "lines of the tests": 44_611,
+    "lines of the tests": 44_619,
     "words of the documentation": 38_765,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
