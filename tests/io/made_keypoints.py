@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -203,35 +202,6 @@ def write_dwpose(folder: Path, made: People) -> Path:
     return _json(folder / "dwpose.json", listed)
 
 
-def write_tfjs(folder: Path, made: People) -> Path:
-    """MoveNet's: people with named points."""
-    listed = [
-        [
-            {"score": 0.9, "keypoints": [
-                {"x": x, "y": y, "score": c, "name": name}
-                for name, (x, y, c) in zip(layout_names("coco17"), np.nan_to_num(p).tolist(),
-                                           strict=True)
-            ]}
-            for p in people
-        ]
-        for people in made.values()
-    ]  # fmt: skip
-    return _json(folder / "movenet.json", listed)
-
-
-def write_posenet(folder: Path, made: People) -> Path:
-    """PoseNet's: one person a frame, parts with positions, in camel case."""
-    parts = [re.sub("_(.)", lambda m: m[1].upper(), name) for name in layout_names("coco17")]
-    listed = [
-        {"score": 0.9, "keypoints": [
-            {"position": {"x": x, "y": y}, "score": c, "part": part}
-            for part, (x, y, c) in zip(parts, np.nan_to_num(people[0]).tolist(), strict=True)
-        ]}
-        for people in made.values()
-    ]  # fmt: skip
-    return _json(folder / "posenet.json", listed)
-
-
 def write_landmark_lists(folder: Path, made: People) -> Path:
     listed = [
         [dict(zip(("x", "y", "z", "visibility"), row, strict=True)) for row in rows]
@@ -319,16 +289,6 @@ def write_mediapipe_named_csv(folder: Path, made: People) -> Path:
     return _csv(
         folder / "pose.csv", [heading, *(_shares(people[0]).ravel() for people in made.values())]
     )
-
-
-def write_mediapipe_long_csv(folder: Path, made: People) -> Path:
-    rows = [
-        [frame, k, *row]
-        for frame, people in made.items()
-        for k, row in enumerate(_shares(people[0]))
-    ]
-    heading = ["frame", "landmark_id", "x", "y", "z", "visibility"]
-    return _csv(folder / "pose.csv", [heading, *rows])
 
 
 def write_mediapipe_semicolons(folder: Path, made: People) -> Path:
