@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from imocap_core.params.motion_params import (
     EvaluateParams,
     FitParams,
-    HandsParams,
     InitialSmplParams,
     MotionParams,
     RefineParams,
@@ -45,7 +44,6 @@ class Params:
     refine: RefineParams = field(default_factory=RefineParams)
     event: EventParams = field(default_factory=EventParams)
     uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
-    hands: HandsParams = field(default_factory=HandsParams)
     evaluate: EvaluateParams = field(default_factory=EvaluateParams)
 
 
@@ -56,7 +54,6 @@ __all__ = [
     "EvaluateParams",
     "EventParams",
     "FitParams",
-    "HandsParams",
     "InitialSmplParams",
     "KeypointsParams",
     "MotionParams",
