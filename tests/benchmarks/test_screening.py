@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.screening.casts import mirrored_performance, occluded
+from benchmarks.screening.casts import mirrored_performance
 from benchmarks.screening.measure import SceneRow
 from benchmarks.screening.scenes import ASYMMETRIC, CLIPS, WALKS, are_strangers
 from benchmarks.screening.tables import (
@@ -14,7 +14,6 @@ from benchmarks.screening.tables import (
     near_symmetric_flipped,
     strangers_excluded,
 )
-from imocap_core.synthetic.detector import Detections
 
 GOOD = SceneRow(
     scene="a", development=True, videos=4, asymmetric=True, clean_excluded=0, clean_flipped=0,
@@ -34,18 +33,6 @@ def test_a_performance_mirrored_twice_is_itself_and_once_is_not() -> None:
     assert not np.allclose(once, joints)
 
 
-def test_occlusion_only_takes_detections_away() -> None:
-    detections = Detections(np.ones((90, 18, 2)), np.full((90, 18), 0.8))
-    hidden = [occluded(detections, np.random.default_rng(seed)) for seed in range(20)]
-    shares = [float((h.confidence == 0).mean()) for h in hidden]
-    assert min(shares) == 0.0
-    assert 0.0 < max(shares) < 0.2
-    for film in hidden:
-        visible = film.confidence > 0
-        np.testing.assert_array_equal(film.xy_px[visible], 1.0)
-        np.testing.assert_array_equal(film.xy_px[~visible], 0.0)
-
-
 def test_strangers_are_mutual_and_of_another_repertoire() -> None:
     pairs = [(a, b) for a in CLIPS for b in CLIPS if are_strangers(a, b)]
     assert all(are_strangers(b, a) and a.split("_")[0] != b.split("_")[0] for a, b in pairs)
@@ -63,10 +50,3 @@ def test_counts_are_of_what_was_planted() -> None:
     assert mirrored_flipped([near]) == (0, 0)
     assert near_symmetric_flipped([GOOD, near]) == (1, 12)
     assert 0.0 < ASYMMETRIC < 1.0
-
-
-REST = {
-    "ankle": (0.1, 0.0, 0.1), "knee": (0.1, 0.0, 0.5), "hip": (0.1, 0.0, 0.9),
-    "wrist": (0.6, 0.0, 1.1), "elbow": (0.4, 0.0, 1.2), "shoulder": (0.2, 0.0, 1.4),
-    "neck": (0.0, 0.0, 1.45), "head": (0.0, 0.0, 1.65),
-}  # fmt: skip
