@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fuzz.readers import READERS
-from tests.fuzz.run import one
+from tools.fuzz.run import one
 
 
 @pytest.mark.parametrize("name", READERS)
