@@ -19,8 +19,8 @@ from collections import Counter
 from pathlib import Path
 from types import FrameType
 
-from tests.fuzz.readers import READERS, Read, file_of, try_to_read
 from tools.fuzz.mutations import damaged
+from tools.fuzz.readers import READERS, Read, file_of, try_to_read
 
 LIMIT_S, ROOM_BYTES = 10, 2**30
 OUT = Path("build/fuzz")

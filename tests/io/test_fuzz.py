@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.fuzz.readers import READERS
+from tools.fuzz.readers import READERS
 from tools.fuzz.run import one
 
 
