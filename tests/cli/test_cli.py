@@ -64,14 +64,6 @@ def test_work_that_can_t_be_done(toy: Toy, capsys: Capture, words: list[str], me
     assert message in capsys.readouterr().err
 
 
-def test_a_missing_file_is_named_before_anything_runs(toy: Toy, capsys: Capture) -> None:
-    (toy.action / "v2.txt").unlink()
-    assert toy.imocap(["run", "toy"]) == 1
-    message = capsys.readouterr().err
-    assert f"videos.1.keypoints: there is no {toy.action / 'v2.txt'}" in message
-    assert toy.ran() == []
-
-
 def test_a_folder_that_can_t_be_used_is_named(toy: Toy, capsys: Capture) -> None:
     (toy.root / "artifacts").write_text("a file where a folder should be")
     assert toy.imocap(["run", "toy"]) == 1
