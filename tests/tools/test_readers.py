@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -28,3 +29,50 @@ def test_what_cannot_be_installed_is_named(monkeypatch, capsys):
     assert "rerun: left out, no network" in said
     assert "scenes: left out, no network" in said
     assert "nothing was tested" in said
+
+
+def test_a_reader_that_a_variable_names_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[dict[str, str]] = []
+
+    class Done:
+        returncode = 3
+
+    def run(line: list[str], env: dict[str, str], **_: object) -> Done:
+        started.append(env)
+        return Done()
+
+    monkeypatch.setattr(readers.subprocess, "run", run)
+    monkeypatch.setenv("IMOCAP_RERUN", "/somewhere/rerun")
+    assert readers.main(["rerun"]) == 3
+    assert started[0]["IMOCAP_RERUN"] == "/somewhere/rerun"
+    assert set(started[0]) == set(os.environ)
+
+
+def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        readers.main(["maya"])
+    assert end.value.code == 2
+    assert "no readers maya; there are: blender" in capsys.readouterr().err
+
+
+def test_a_changed_list_of_packages_is_installed_again(monkeypatch, tmp_path):
+    started = []
+
+    class Done:
+        returncode = 0
+
+    def run(line: list[str], **_: object) -> Done:
+        started.append(line)
+        return Done()
+
+    packages = tmp_path / "packages.txt"
+    packages.write_text("bpy==5.0.1\n")
+    group = readers.Readers("IMOCAP_BLENDER", ("-r", str(packages)), ())
+    monkeypatch.setitem(readers.GROUPS, "blender", group)
+    monkeypatch.setattr(readers, "FOLDER", tmp_path)
+    monkeypatch.setattr(readers.subprocess, "run", run)
+    (tmp_path / "blender").mkdir()
+    for content, lines in (("bpy==5.0.1\n", 2), ("bpy==5.0.1\n", 2), ("bpy==5.0.2\n", 4)):
+        packages.write_text(content)
+        assert readers.install("blender", 1.0) == ""
+        assert len(started) == lines
