@@ -1,15 +1,19 @@
 """The cost model finds what costs were made of; made actions are what they claim."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.cost.action import SIZE, ActionSize, made_clip
+from benchmarks.cost.bookkeeping import STAGES, make_store
 from benchmarks.cost.measure import CostTimer, StageCost, processor_seconds
 from benchmarks.cost.model import TERMS, CostModel, fitted
 from benchmarks.cost.models import models_of, of_actions
+from benchmarks.cost.scale import DETECTION_S, DOLLARS_A_CORE_HOUR, FPS, MBIT_PER_S, scaled
 from benchmarks.parallel import LineDisplay
+from imocap_core.artifacts.store import cached_results
 from imocap_core.pipeline.make_demo import demo_body
 
 TRUTH = CostModel(dict(zip(TERMS, (1.5, 0.4, 0.03, 2e-4, 0.2, 5e-6), strict=True)))
@@ -40,6 +44,11 @@ def test_no_coefficient_is_negative() -> None:
     assert min(fitted(SIZES, falling).coefficients.values()) >= 0.0
 
 
+def test_costs_of_nothing_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected positive"):
+        fitted(SIZES, [0.0] * len(SIZES))
+
+
 def test_an_action_is_the_sum_of_its_stages_and_its_peak_the_largest() -> None:
     measured = rows()
     measured[0] = replace(measured[0], peak_mb=5000.0)
@@ -47,6 +56,18 @@ def test_an_action_is_the_sum_of_its_stages_and_its_peak_the_largest() -> None:
     assert cost.processor_s == pytest.approx(4 * TRUTH.at(SIZES[0]))
     assert cost.peak_mb == 5000.0
     assert models_of(rows()).at(SIZES[2]).stored_mb == pytest.approx(8 * TRUTH.at(SIZES[2]))
+
+
+def test_many_actions_are_so_many_times_one() -> None:
+    models, size = models_of(rows()), (8, 300, 25)
+    cost = scaled(models, 1000, size)
+    assert cost.detection_h == pytest.approx(1000 * 2400 * DETECTION_S / 3600)
+    assert cost.stages_h == pytest.approx(1000 * models.at(size).processor_s / 3600)
+    assert cost.core_dollars == pytest.approx(
+        DOLLARS_A_CORE_HOUR * (cost.detection_h + cost.stages_h)
+    )
+    assert cost.films_gb == pytest.approx(2400 / FPS * MBIT_PER_S / 8)
+    assert cost.hours(2) == pytest.approx(cost.hours(1) / 2)
 
 
 def test_a_made_clip_has_its_frames_and_keypoints_in_the_picture() -> None:
@@ -67,3 +88,10 @@ def test_a_timer_records_what_was_used_since_it_began() -> None:
     assert timer.rows[0].processor_s > 0.09
     assert timer.rows[0].stored_mb == 3.0
     assert timer.rows[0].keypoints == 25
+
+
+def test_a_made_store_is_one_to_the_program(tmp_path: Path) -> None:
+    make_store(tmp_path, 3)
+    results = cached_results(tmp_path)
+    assert len(results) == 3 * STAGES
+    assert all(result.in_use for result in results)

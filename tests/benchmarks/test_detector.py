@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.detector.degradations import second_person
+from benchmarks.detector.degradations import DEGRADATIONS, halved, motion_blur, second_person
 from benchmarks.detector.detection_errors import DetectedClip, point_errors, swapped_share
 from benchmarks.detector.detector_bias import detector_bias, swapped_body_share
 from benchmarks.detector.measure import PerformerLimbs, best_shift, errors, score_of
@@ -32,6 +32,16 @@ def test_the_second_person_is_the_first_s_mirror_image_and_leaves_most_of_it() -
     assert 0 < changed.sum() < 60
     assert np.flatnonzero(changed)[0] > 60  # beside, not over
     assert np.array_equal(plain, picture())
+
+
+def test_blur_and_halving_keep_the_mean_and_their_sizes() -> None:
+    plain = picture()
+    assert motion_blur(plain, limbs(), 0.0).shape == plain.shape
+    assert halved(plain, limbs(), 0.0).shape == (80, 100, 3)
+    for change in (motion_blur, halved):
+        assert change(plain, limbs(), 0.0).mean() == pytest.approx(plain.mean(), rel=0.02)
+        assert change(plain, limbs(), 0.0).std() < 0.8 * plain.std()
+    assert len({degradation.name for degradation in DEGRADATIONS}) == len(DEGRADATIONS)
 
 
 def walk(frames: int = 12) -> np.ndarray:
@@ -207,3 +217,14 @@ def test_swapped_arms_and_only_those_are_counted() -> None:
     )
     swapped = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
     assert swapped_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
+
+
+def test_white_errors_have_no_persistence() -> None:
+    rng = np.random.default_rng(4)
+    true = np.zeros((2000, 1, 2))
+    noise = DetectedClip(
+        rng.normal(0, 4.0, true.shape), true, np.full(2000, HEIGHT_PX), "front", FPS
+    )
+    (row,) = point_errors([noise], ["nose"])
+    assert np.isnan(row.persistent)
+    assert row.spread == pytest.approx(0.01, rel=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.field.facts import CURVES, STATISTICS
-from benchmarks.penn.clips import Clip, make_group
+from benchmarks.penn.clips import GROUP, Clip, groups_of, make_group
 from benchmarks.penn.hidden_limbs import LIMBS, NAMES, straight_px
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
@@ -58,6 +58,15 @@ def clips(count: int) -> list[Clip]:
         Clip(n, "squat", (480, 360), rng.uniform(50, 300, (40, 13, 2)), np.ones((40, 13), bool))
         for n in range(count)
     ]
+
+
+def test_groups_are_disjoint_and_the_first_of_more_groups() -> None:
+    every, few = groups_of(clips(17), "squat", 10), groups_of(clips(17), "squat", 2)
+    ids = [clip.id for group in every for clip in group]
+    assert len(every) == 17 // GROUP
+    assert len(set(ids)) == len(ids)
+    assert [[c.id for c in g] for g in few] == [[c.id for c in g] for g in every[:2]]
+    assert groups_of(clips(17), "bowl", 3) == []
 
 
 def test_a_group_is_read_as_it_was_labelled(tmp_path: Path) -> None:

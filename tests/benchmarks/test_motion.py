@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from benchmarks.actions import captured as inputs
-from benchmarks.actions.action_folder import is_made, make_action
+from benchmarks.actions.action_folder import MADE, action_key, is_made, make_action
 from benchmarks.actions.choice import Choice
 from benchmarks.motion import measure as motion
 from benchmarks.scoring import score
@@ -73,6 +73,25 @@ def test_an_action_is_made_once_and_again_under_another_key(tmp_path: Path) -> N
     make_action(folder, "sway", shots, "generic", {}, "two")
     assert (folder / "action.yaml").stat().st_mtime_ns != before
     assert is_made(folder, "two")
+
+
+def test_the_key_follows_the_choice_and_the_motion(tmp_path: Path) -> None:
+    file = tmp_path / "motion.npz"
+    file.write_bytes(b"one")
+    before = action_key(["walk", 4], [file])
+    assert action_key(["walk", 4], [file]) == before
+    assert action_key(["walk", 3], [file]) != before
+    file.write_bytes(b"two")
+    assert action_key(["walk", 4], [file]) != before
+
+
+def test_two_makings_are_the_same(tmp_path: Path) -> None:
+    texts = []
+    for name in ("a", "b"):
+        make_action(tmp_path / name, "sway", shots, "generic", {}, "key")
+        files = sorted(p for p in (tmp_path / name).rglob("*.json") if p.name != MADE)
+        texts.append([p.read_text() for p in files])
+    assert texts[0] == texts[1]
 
 
 def test_the_truth_is_silent_about_a_stranger(tmp_path: Path) -> None:

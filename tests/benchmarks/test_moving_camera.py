@@ -25,6 +25,12 @@ def test_a_camera_walks_as_far_as_it_is_said_to(metres):
     np.testing.assert_allclose(there_and_back.centres[0], there_and_back.centres[-1], atol=1e-9)
 
 
+def test_a_tripod_stays_on_its_spot():
+    rng = np.random.default_rng(2)
+    camera = walk_camera(VIEW, CameraWalk(0.0, bob=False), PATH, 25.0, (320, 180), rng)
+    assert np.ptp(camera.centres, axis=0).max() < 1e-9
+
+
 def test_a_film_shows_the_performer_where_the_true_keypoints_are():
     """The picture with the performer differs from an empty one near the keypoints alone."""
     shaped = demo_body(3)

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from benchmarks.actions.captured import MAX_VIDEOS, PLACEMENTS, data_base, placement
+from benchmarks.angles.report import bend_deg, peak_m_s
 from benchmarks.performances.action import takes
-from benchmarks.performances.report import FILE, _first_scores
+from benchmarks.performances.report import FILE, _first_scores, sizes
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURED = data_base(ROOT) / "performances" / FILE
+
+
+def test_sets_double_up_to_all_takes() -> None:
+    assert list(sizes(32)) == [2, 4, 8, 16, 32]
+    assert list(sizes(5)) == [2, 4]
 
 
 def test_cameras_stand_around_the_performer() -> None:
@@ -37,3 +43,14 @@ def test_the_first_mode_is_of_poses_not_of_places() -> None:
         true.append(joints + rng.normal(size=3))
     got = _first_scores(true, ["left_hip", "right_hip", "head"])
     assert abs(np.corrcoef(got, scores)[0, 1]) == pytest.approx(1.0)
+
+
+def test_the_bend_of_a_straight_limb_is_0() -> None:
+    limb = np.array([[[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]], [[0, 0, 0], [1, 0, 0], [1, 1, 0]]])
+    np.testing.assert_allclose(bend_deg(limb), [0.0, 90.0], atol=1e-6)
+
+
+def test_the_highest_speed_is_that_of_the_fastest_moment() -> None:
+    place = np.zeros((31, 3))
+    place[:, 0] = np.cumsum([0.0] + [0.02] * 10 + [0.1] * 10 + [0.01] * 10)
+    assert peak_m_s(place, 30.0) == pytest.approx(3.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.performers.action import bone_ratios
+from benchmarks.performers.action import PERFORMERS, bone_ratios
 from benchmarks.performers.bodies import LIMBS, PARENT_OF, limb_lengths_m, with_bones
 from imocap_core.conventions import EVAL_14
 
@@ -26,6 +26,11 @@ def test_bones_get_their_ratios_and_keep_their_directions() -> None:
         assert limb_lengths_m(after)[far] == pytest.approx(expected)
 
 
+def test_the_mean_body_changes_nothing() -> None:
+    ratio = dict.fromkeys(bone_ratios("walk")["A"], 1.0)
+    np.testing.assert_allclose(with_bones(joints(), ratio), joints(), atol=1e-12)
+
+
 def test_a_foot_in_contact_stays_in_contact() -> None:
     """Legs of one ratio: a foot that stands still in the capture stands still."""
     standing = joints()
@@ -35,3 +40,10 @@ def test_a_foot_in_contact_stays_in_contact() -> None:
     moved = with_bones(standing, ratio)[:, ROW("left_ankle")]
     assert np.ptp(moved, axis=0).max() < 1e-12
     assert np.ptp(hips, axis=0).max() > 0.1
+
+
+def test_performers_have_bodies_of_their_own() -> None:
+    first, second = bone_ratios("walk").values()
+    assert max(abs(first[bone] - second[bone]) for bone in LIMBS) > 0.02
+    assert bone_ratios("walk") == bone_ratios("walk")
+    assert set(bone_ratios("walk")) == set(PERFORMERS)

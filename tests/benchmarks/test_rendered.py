@@ -10,7 +10,7 @@ import torch
 from benchmarks.actions.captured import CapturedVideo
 from benchmarks.detector.detection_errors import DetectedClip
 from benchmarks.rendered import action as rendered_action
-from benchmarks.rendered.action import _with_body_joints, true_pose
+from benchmarks.rendered.action import _with_body_joints, key_of, true_pose
 from benchmarks.rendered.jobs import RenderedChoice
 from benchmarks.rendered.measure import measure
 from benchmarks.rendered.tables import proposal
@@ -80,3 +80,12 @@ def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
     with pytest.raises(WrongUse, match="--only two: expected one of one"):
         measure(Workspace(tmp_path), RenderedChoice(only=("two",)), None)  # type: ignore[arg-type]
+
+
+def test_an_action_is_named_by_what_it_is_made_of(tmp_path: Path) -> None:
+    file = tmp_path / "one.npz"
+    file.write_bytes(b"x")
+    keys = {key_of("one", file, videos, small) for videos in (3, 4) for small in (True, False)}
+    file.write_bytes(b"y")
+    keys.add(key_of("one", file, 4, False))
+    assert len(keys) == 5

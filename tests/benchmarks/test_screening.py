@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.screening.casts import mirrored_performance
+from benchmarks.screening.casts import mirrored_performance, occluded
 from benchmarks.screening.measure import SceneRow
 from benchmarks.screening.scenes import ASYMMETRIC, CLIPS, WALKS, are_strangers
 from benchmarks.screening.tables import (
@@ -14,6 +14,7 @@ from benchmarks.screening.tables import (
     near_symmetric_flipped,
     strangers_excluded,
 )
+from imocap_core.synthetic.detector import Detections
 
 GOOD = SceneRow(
     scene="a", development=True, videos=4, asymmetric=True, clean_excluded=0, clean_flipped=0,
@@ -31,6 +32,18 @@ def test_a_performance_mirrored_twice_is_itself_and_once_is_not() -> None:
     once = mirrored_performance(joints)
     np.testing.assert_array_equal(mirrored_performance(once), joints)
     assert not np.allclose(once, joints)
+
+
+def test_occlusion_only_takes_detections_away() -> None:
+    detections = Detections(np.ones((90, 18, 2)), np.full((90, 18), 0.8))
+    hidden = [occluded(detections, np.random.default_rng(seed)) for seed in range(20)]
+    shares = [float((h.confidence == 0).mean()) for h in hidden]
+    assert min(shares) == 0.0
+    assert 0.0 < max(shares) < 0.2
+    for film in hidden:
+        visible = film.confidence > 0
+        np.testing.assert_array_equal(film.xy_px[visible], 1.0)
+        np.testing.assert_array_equal(film.xy_px[~visible], 0.0)
 
 
 def test_strangers_are_mutual_and_of_another_repertoire() -> None:

@@ -1,8 +1,10 @@
 """The solver's benchmark: its scenes are what they claim, its clocks stop, its table is honest."""
 
 import numpy as np
+import pytest
 import torch
 
+from benchmarks.solver.growth import measure_size
 from benchmarks.solver.race import NEWTON, first_common_problem, newton, race, timed
 from benchmarks.solver.scene import DISTANCE_M, NOISE_PX, K, made_scene
 from imocap_core.motion.gauss_newton import gauss_newton
@@ -51,3 +53,10 @@ def test_a_rival_out_of_time_is_said_not_to_have_got_there() -> None:
 
 def gauss_newton_once(terms, start):  # type: ignore[no-untyped-def]
     return gauss_newton(terms, start, max_steps=1)
+
+
+def test_growth_counts_time_and_memory() -> None:
+    row = measure_size(FIT, MOTION, 0, 2, 8)
+    assert row.processor_s > 0
+    assert row.processor_ms_per_frame == pytest.approx(1e3 * row.processor_s / 16)
+    assert 0.1 < row.peak_gb < 16

@@ -20,6 +20,7 @@ from benchmarks.stability.perturbations import (
     grey_level_picture,
     noisy_points,
     person_size_px,
+    recompressed_picture,
     shifted_picture,
     shifted_points,
 )
@@ -127,6 +128,13 @@ def test_a_shifted_picture_has_every_pixel_one_further() -> None:
     np.testing.assert_array_equal(after[1:, 1:], picture[:-1, :-1])
 
 
+def test_jpeg_keeps_the_order_of_colours() -> None:
+    picture = np.zeros((16, 16, 3), np.uint8)
+    picture[..., 0] = 200
+    after = recompressed_picture(picture, np.random.default_rng(0)).astype(int)
+    assert np.abs(after - picture).max() <= 8
+
+
 def test_the_undisturbed_variant_is_the_action(action: Path) -> None:
     folder = variant(action, PERTURBATIONS["undisturbed"])
     for file in (f for f in action.rglob("*") if f.is_file() and f.name != "action.yaml"):
@@ -205,6 +213,11 @@ def test_failed_and_unscored_runs_are_not_stable() -> None:
     assert movement([result(50.0), result(50.0), failed]).broken_limits == ["a run failed"]
     unscored = VariantScore("p", {"mpjpe_mm": 50.0, "sync_pair_error_frames": 0.5})
     assert movement([result(50.0), unscored]).broken_limits == ["cameras"]
+
+
+def test_other_excluded_videos_are_counted() -> None:
+    scores = [result(50.0), result(50.0, excluded=("v2",)), result(50.0, mirrored=("v3",))]
+    assert movement(scores).screening_differs == 2
 
 
 def test_every_action_begins_undisturbed_and_meets_each_perturbation_once() -> None:

@@ -24,6 +24,7 @@ from benchmarks.synthetic.captured_stance import (
     angles_rad,
     captured_skeleton,
     neutral_stance,
+    standing_frames,
 )
 from benchmarks.synthetic.detector_presets import DETECTORS, detect_person
 from benchmarks.synthetic.estimator import TREE, EstimatorErrors, estimate
@@ -134,6 +135,13 @@ def test_a_sampling_is_a_function_of_its_seed():
     assert not np.array_equal(a, sample_frames("paper", 2000, 1, np.random.default_rng(6)))
 
 
+def test_a_short_clip_and_an_unknown_name_are_refused():
+    with pytest.raises(ValueError, match="at least 300 frames, got 299"):
+        base_frames(299)
+    with pytest.raises(ValueError, match="expected one of released, paper, got 'x'"):
+        sample_frames("x", 2000, 1, np.random.default_rng(0))
+
+
 # --- what cameras and detectors see
 
 
@@ -222,6 +230,17 @@ def test_the_estimator_keeps_bones_and_the_origin():
             for x in (estimated, true)
         ]
         assert bones[0] == pytest.approx(bones[1])
+
+
+def test_the_estimator_errs_in_depth_and_slowly():
+    true = before_a_camera(3000)
+    errors = EstimatorErrors(orientation_rad=0.0)
+    estimated = estimate(true, 30.0, np.random.default_rng(0), errors)
+    error = estimated - (true - hip_middle(true)[:, None])
+    spread = error.std((0, 1))
+    assert spread[2] > 1.4 * spread[0]
+    step = np.linalg.norm(np.diff(error, axis=0), axis=-1).mean()
+    assert step < 0.4 * np.linalg.norm(error, axis=-1).mean()
 
 
 def test_orientation_drift_costs_mpjpe_and_not_p_mpjpe():
@@ -455,6 +474,16 @@ def test_neck_and_collars_point_where_the_captured_bones_do() -> None:
     standing = captured(np.zeros((3, 24, 3)))
     for R in trunk_bone_rotations(skeleton, stance, standing):
         np.testing.assert_allclose(R, np.tile(WORLD_FROM_BODY, (3, 1, 1)), atol=0.01)
+
+
+def test_who_never_stands_has_no_stance() -> None:
+    _, skeleton = stance_and_skeleton()
+    lying = captured(np.zeros((5, 24, 3))) @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    assert not standing_frames(skeleton, lying).any()
+    with pytest.raises(ValueError, match="standing upright"):
+        neutral_stance(skeleton, [lying])
+    with pytest.raises(ValueError, match="CMU's or OptiTrack's"):
+        captured_skeleton(["a", "b"], [-1, 0])
 
 
 def test_the_shipped_prior_stands_upright() -> None:

@@ -1,13 +1,19 @@
 """Wrong starts are what they are called, and recovered is what is within 5 %."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
+from benchmarks.actions.choice import Choice
+from benchmarks.rendered.names import is_rendered, trial_of
+from benchmarks.wrong_start.measure import is_recovered, names_of
 from benchmarks.wrong_start.wrong_fit import depth_reversed, facing_reversed
 from imocap_core.artifacts.schemas import VideoMotion
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.errors import WrongUse
 from imocap_core.rotations import exp, log
 
 FRAMES = 4
@@ -58,3 +64,25 @@ def test_depth_is_reversed_about_the_root_and_the_picture_stays() -> None:
     reversed_m = depth_reversed(joints)
     np.testing.assert_array_equal(reversed_m[..., :2], joints[..., :2])
     np.testing.assert_allclose(reversed_m[..., 2] + joints[..., 2], 8.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("result_mm", "excluded", "recovered"),
+    [(41.9, "", True), (42.1, "", False), (40.0, "v2", False), (30.0, "", True)],
+)
+def test_recovered_is_within_five_percent_with_every_view(result_mm, excluded, recovered):
+    assert is_recovered(result_mm, 40.0, excluded, "") == recovered
+
+
+def test_every_action_is_run_from_keypoints_and_rendered(tmp_path, monkeypatch):
+    (tmp_path / "trials").mkdir()
+    for name in ("one", "two"):
+        np.savez(tmp_path / "trials" / f"{name}.npz")
+    monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
+    names = names_of(Path(), Choice("trials"))
+    assert names == ["one", "two", "one-rendered", "two-rendered"]
+    assert [is_rendered(name) for name in names] == [False, False, True, True]
+    assert [trial_of(name) for name in names[2:]] == names[:2]
+    assert names_of(Path(), Choice("trials", only=("two-rendered",))) == ["two-rendered"]
+    with pytest.raises(WrongUse, match="--only nothing"):
+        names_of(Path(), Choice("trials", only=("nothing",)))
