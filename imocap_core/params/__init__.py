@@ -17,7 +17,7 @@ from imocap_core.params.motion_params import (
     RefineParams,
     UncertaintyParams,
 )
-from imocap_core.params.sync_params import EventParams, RepetitionParams, SyncParams
+from imocap_core.params.sync_params import RepetitionParams, SyncParams
 from imocap_core.params.video_params import (
     CameraMotionParams,
     CollectParams,
@@ -42,7 +42,6 @@ class Params:
     motion: MotionParams = field(default_factory=MotionParams)
     redetect: RedetectParams = field(default_factory=RedetectParams)
     refine: RefineParams = field(default_factory=RefineParams)
-    event: EventParams = field(default_factory=EventParams)
     uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
     evaluate: EvaluateParams = field(default_factory=EvaluateParams)
 
@@ -52,7 +51,6 @@ __all__ = [
     "CollectParams",
     "DetectParams",
     "EvaluateParams",
-    "EventParams",
     "FitParams",
     "InitialSmplParams",
     "KeypointsParams",
