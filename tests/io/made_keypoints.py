@@ -137,12 +137,6 @@ def write_positions(folder: Path, positions: Any, layout_name: str) -> Path:
     return path
 
 
-def _csv(path: Path, rows: list[list[str]]) -> Path:
-    with path.open("w", newline="") as stream:
-        csv.writer(stream).writerows(rows)
-    return path
-
-
 def _json(path: Path, content: Any) -> Path:
     path.write_text(json.dumps(content))
     return path
