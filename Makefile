@@ -103,11 +103,11 @@ dist: $(STAMP)
 
 SECONDS ?= 300
 fuzz: $(STAMP)
-	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.run --seconds $(SECONDS)
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tools.fuzz.run --seconds $(SECONDS)
 
 KILLS ?= 100
 chaos: $(STAMP)
-	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.chaos.run --kills $(KILLS)
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tools.chaos.run --kills $(KILLS)
 
 audit: .venv-audit/.installed
 	@.venv-audit/bin/python tools/audit.py .venv-audit/bin/pip-audit
@@ -130,7 +130,7 @@ docs: .venv-docs/.installed
 	@touch $@
 
 baseline: $(STAMP)
-	@$(BIN)/python -m tests.regression.rebase
+	@$(BIN)/python -m tools.rebase_baseline
 
 format: $(STAMP)
 	@$(BIN)/ruff format .

@@ -107,11 +107,11 @@ PLAN = (  # the shorter ones first
     _benchmark("cost"),
     _benchmark("ablations --on trials", "ablations-trials", "trials", in_parallel=True),
     Measurement(
-        "fuzz", (PYTHON, "-m", "tests.fuzz.run", "--seconds", "1800"),
+        "fuzz", (PYTHON, "-m", "tools.fuzz.run", "--seconds", "1800"),
         made="build/fuzz/record.json", read=fuzz_table,
     ),
     Measurement(
-        "chaos", (PYTHON, "-m", "tests.chaos.run", "--kills", "100"),
+        "chaos", (PYTHON, "-m", "tools.chaos.run", "--kills", "100"),
         made="build/chaos.json", read=chaos_table,
     ),
 )  # fmt: skip

@@ -57,15 +57,6 @@ SMPLH_PARENTS: tuple[int, ...] = (
     *((21, 37, 38, 21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50)),
 )
 
-# SMPL-X's 55 joints put the jaw and the eyes between the body and the hands (Pavlakos et al., 2019)
-SMPLX_JOINTS: tuple[str, ...] = (
-    *SMPL_JOINTS[:22],
-    "jaw",
-    "left_eye",
-    "right_eye",
-    *SMPLH_JOINTS[22:],
-)
-
 # The evaluation joints (docs/metrics.md): the 12 of the authors' tables, then two common supersets.
 # Each is the name of an SMPL joint, or of a point of `body.Model.points`.
 EVAL_12: tuple[str, ...] = (

@@ -23,12 +23,11 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     RefineSync,
     SyncSummary,
-    VideoCameraMotion,
     VideoKeypoints,
     VideoMotion,
 )
 from imocap_core.body import Model
-from imocap_core.camera.projection import Lens
+from imocap_core.camera.projection import Lens, frame_projections
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.overlays import LIGHT, draw_keypoints
 from imocap_core.figures.sheets import surfaces
@@ -84,7 +83,7 @@ def overlay_bodies(
         OverlayBody(
             keypoints=video,
             motion=motion,
-            P_px=projections(camera, intrinsics[video.id]),
+            P_px=frame_projections(camera.H_first_from_frame, intrinsics[video.id]),
             layout_names=tuple(model.points(video.layout).names),
             rgb=rgb_of(ids, video.id),
             file=files.get(video.id),
@@ -94,15 +93,6 @@ def overlay_bodies(
             keypoints.videos, camera_motion.videos, motions, strict=True
         )
     ]
-
-
-def projections(
-    camera: VideoCameraMotion, K: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, "T 3 3"]:
-    """P_px (T, 3, 3) = H_frame_from_first K, scaled so that a turning camera keeps true depths."""
-    H_frame_from_first = np.linalg.inv(camera.H_first_from_frame)
-    scale = np.cbrt(np.linalg.det(H_frame_from_first))[:, None, None]
-    return np.asarray(H_frame_from_first / scale @ K)
 
 
 def source_frames(

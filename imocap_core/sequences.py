@@ -72,6 +72,15 @@ class EvenMoments:
         return np.rint(self.position).astype(np.int64)
 
 
+def theil_sen_slope(frames: Int[np.ndarray, " N"], positions: Float[np.ndarray, " N"]) -> float:
+    """Slope of positions over frames: the median over pairs that lie more than a quarter of the
+    frames apart (Theil-Sen); 0 without any."""
+    later = np.subtract.outer(frames, frames)
+    risen = np.subtract.outer(positions, positions)
+    apart = later > np.ptp(frames) / 4
+    return float(np.median(risen[apart] / later[apart])) if apart.any() else 0.0
+
+
 def typical_step_s(time_s: Float[np.ndarray, " T"]) -> float:
     """Mean of the intervals between frames that are about the median one, seconds."""
     steps = np.diff(time_s)

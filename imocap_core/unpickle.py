@@ -21,9 +21,8 @@ import tokenize
 import zipfile
 import zlib
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from lzma import LZMAError
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -105,20 +104,6 @@ class NdarrayClass:
 
     def __init__(self, *arguments: object) -> None:
         raise pickle.UnpicklingError("it would make an array by itself")
-
-
-class InertObject:
-    """Stands for an object of a library that is not imported: stores its state, does nothing."""
-
-    state: Mapping[str, Any] = MappingProxyType({})
-
-    def __init__(self, *arguments: object) -> None:
-        """Takes whatever the real class would, and ignores it."""
-
-    def restore(self, state: object) -> None:
-        """Its attributes."""
-        if isinstance(state, dict):
-            self.state = state
 
 
 class DtypeRecord:
@@ -207,11 +192,7 @@ def build(value: Any, done: dict[int, Any] | None = None) -> Any:
     UnpicklingError when a record states what can't be."""
     done = {} if done is None else done
     if id(value) not in done:
-        if isinstance(value, InertObject):
-            done[id(value)] = value  # before its state, which may refer back to it
-            value.state = {name: build(part, done) for name, part in value.state.items()}
-        else:
-            done[id(value)] = _built(value, done)
+        done[id(value)] = _built(value, done)
     return done[id(value)]
 
 
@@ -285,14 +266,12 @@ UNREADABLE: tuple[type[Exception], ...] = (
 """What damaged or unsafe pickles, and the compressed files around them, raise when read."""
 
 
-def load_pickle(content: bytes, inert_modules: tuple[str, ...] = ()) -> Any:
+def load_pickle(content: bytes) -> Any:
     """What a pickle holds: tensors as numpy arrays, tuples as lists.
-
-    inert_modules: objects of these modules become `InertObject`; every other name is refused.
 
     Raises one of `UNREADABLE` when the pickle is damaged or would run something.
     """
-    value = RestrictedUnpickler(io.BytesIO(content), inert_modules).load()
+    value = RestrictedUnpickler(io.BytesIO(content)).load()
     check_size(value)
     return build(value)
 
@@ -311,13 +290,6 @@ def _no_bytes(*content: Any) -> bytes:
     return b""
 
 
-def _inert(kind: Any, *_unused: Any) -> InertObject:
-    """copyreg's reconstructor, for inert objects only."""
-    if not (isinstance(kind, type) and issubclass(kind, InertObject)):
-        raise pickle.UnpicklingError(f"it would rebuild a {kind!r:.20}")
-    return InertObject()
-
-
 _ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): NdarrayClass,
     ("numpy", "dtype"): DtypeRecord,
@@ -327,8 +299,6 @@ _ALLOWED: dict[tuple[str, str], Any] = {
     ("collections", "defaultdict"): defaultdict_of,
     ("torch._utils", "_rebuild_tensor_v2"): tensor,
     ("torch.storage", "_load_from_bytes"): storage,
-    ("copyreg", "_reconstructor"): _inert,
-    ("copy_reg", "_reconstructor"): _inert,
 }
 for _core in ("numpy.core", "numpy._core"):
     _ALLOWED[f"{_core}.multiarray", "_reconstruct"] = array_record
@@ -353,21 +323,19 @@ class RestrictedUnpickler(pickle._Unpickler):
     """Python's own unpickler (it reads no byte too many), with nothing to call but `_ALLOWED`,
     and nothing to change but records."""
 
-    def __init__(self, stream: io.BytesIO, inert_modules: tuple[str, ...] = ()) -> None:
+    def __init__(self, stream: io.BytesIO) -> None:
         super().__init__(stream, encoding="latin1")
-        self._raw, self._inert_modules = stream, inert_modules
+        self._raw = stream
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _ALLOWED:
             return _ALLOWED[module, name]
-        if any(f"{module}.".startswith(f"{inert}.") for inert in self._inert_modules):
-            return InertObject
         raise pickle.UnpicklingError(f"it names {module}.{name}, which is not allowed here")
 
     def load_build(self) -> None:
         stack: list[Any] = self.stack  # type: ignore[attr-defined]
         state, record = stack.pop(), stack[-1]
-        if not isinstance(record, (ArrayRecord, DtypeRecord, JoblibRecord, InertObject)):
+        if not isinstance(record, (ArrayRecord, DtypeRecord, JoblibRecord)):
             raise pickle.UnpicklingError(f"it would change a {type(record).__name__}")
         record.restore(state)
         if isinstance(record, JoblibRecord):
@@ -377,7 +345,7 @@ class RestrictedUnpickler(pickle._Unpickler):
         """The array that follows its record: another pickle, or bytes after some padding."""
         dtype = record.state["dtype"].dtype
         if dtype.hasobject:
-            record.content = RestrictedUnpickler(self._raw, self._inert_modules).load()
+            record.content = RestrictedUnpickler(self._raw).load()
             return
         if record.state.get("numpy_array_alignment_bytes") is not None:
             self._raw.read(self._raw.read(1)[0])

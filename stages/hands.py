@@ -17,14 +17,12 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Hands:
     if all(video.hands is None for video in keypoints.videos):
         return no_hands()
     body = load_free_body(ctx.device, hands=True)
-    problem = hands_problem(body, keypoints, inputs.get(CameraMotion), refined, params.hands)
+    problem = hands_problem(body, keypoints, inputs.get(CameraMotion), refined)
     fitted: dict[str, FittedHands] = {}
     sizes = []
     for k, group in enumerate(problem.groups):
         ctx.progress(k / len(problem.groups), f"hands of {', '.join(group.ids)}")
-        hands, size = fit_hands(
-            problem.skeleton, group.videos, group.timeline, group.reference, params.hands
-        )
+        hands, size = fit_hands(problem.skeleton, group.videos, group.timeline, group.reference)
         fitted |= dict(zip(group.ids, hands, strict=True))
         sizes.append(size)
     return hands_of(body, keypoints, refined, fitted, sizes[0])

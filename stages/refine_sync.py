@@ -51,12 +51,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     begin, event = LoopRound(first_sync, first, first.misfit, 0.0), None
     if ctx.event() and can_calibrate(problem, first):
         loop, event = calibrated_round(
-            problem,
-            keypoints,
-            begin,
-            inputs.get(Sync),
-            params.event,
-            lambda what: ctx.progress(0.3, what),
+            problem, keypoints, begin, inputs.get(Sync), lambda what: ctx.progress(0.3, what)
         )
     else:
         loop, problem = _in_turn(ctx, inputs, problem, begin, sound_start_s, params)

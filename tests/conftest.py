@@ -72,7 +72,7 @@ LONG = (
     "report/test_report_page_in_browser.py",
     "examples",
     "test_film.py",
-    "fuzz",
+    "io/test_fuzz.py",
 )
 
 ONCE = ("tests/library/", "tests/synthetic/")  # a small run; the clips of a seed

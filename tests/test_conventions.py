@@ -23,10 +23,6 @@ def test_bodies_share_their_first_22_joints() -> None:
         assert parents[:22] == c.SMPL_PARENTS[:22]
 
 
-def test_hands_of_smplh_and_smplx_are_the_same() -> None:
-    assert c.SMPLX_JOINTS[25:] == c.SMPLH_JOINTS[22:]
-
-
 def test_evaluation_joints_grow_and_pair_up() -> None:
     assert c.EVAL_14[:12] == c.EVAL_17[:12] == c.EVAL_12
     assert [len(j) for j in (c.EVAL_12, c.EVAL_14, c.EVAL_17)] == [12, 14, 17]

@@ -3,13 +3,12 @@
 import ast
 import importlib.util
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
 from imocap_core.library.status import Parameter, parameter_table
-from imocap_core.params import Params, SyncParams
+from imocap_core.params import Params
 from imocap_core.pipeline.graph import read_pipeline, settings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,20 +39,6 @@ def test_every_default_obeys_its_bounds() -> None:
     for row in parameter_table():
         sets = [f"{row.group}.{row.name}={json.dumps(row.value)}"]
         assert settings(pipeline, {}, Path("action.yaml"), sets).params == Params()
-
-
-def test_the_table_shows_one_group_or_the_values_in_force() -> None:
-    rows = parameter_table("sync", Params(sync=SyncParams(max_rate=8.0)))
-    assert {row.group for row in rows} == {"sync"}
-    by_name = {row.name: row for row in rows}
-    assert by_name["max_rate"].value == 8.0
-    assert by_name["max_rate"].bounds == "number > 0"
-    assert by_name["warp"].bounds == "posterior or dtw"
-    assert by_name["joint_weights"].bounds == "name: number ≥ 0"
-    assert by_name["confidence_reach_s"].unit == "s"
-    json.dumps([asdict(row) for row in rows])
-    with pytest.raises(ValueError, match=r"no group of parameters 'zync' .*detect, keypoints"):
-        parameter_table("zync")
 
 
 def test_the_page_of_parameters_is_up_to_date() -> None:

@@ -21,15 +21,15 @@ PAGES += ("imocap_core/**/*.md",)
 CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
-    "files of the core": 345,
-    "lines of the core": 72_509,
+    "files of the core": 344,
+    "lines of the core": 71_638,
     "packages of the core": 40,
-    "public names of the core": 4_111,
+    "public names of the core": 4_084,
     "lines of the core's longest function": 79,
-    "arguments of a function of the core": 15,
+    "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 12,
-    "lines of the tests": 44_619,
-    "words of the documentation": 38_765,  # of all pages but the changelog, as `wc -w` counts
+    "lines of the tests": 42_565,
+    "words of the documentation": 38_174,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})

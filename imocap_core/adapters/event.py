@@ -31,9 +31,9 @@ from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import common_then_deviations
 from imocap_core.motion.observations import Observation
-from imocap_core.params import EventParams
 
 MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
+CORRELATION_S = 0.25  # detector errors count once per this time in the claimed errors
 SOUND_SD_S, MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matches
 
 
@@ -50,7 +50,6 @@ def calibrated_round(
     keypoints: Keypoints,
     first: LoopRound[SyncSummary, JointMotion],
     first_sync: Sync,
-    params: EventParams,
     progress: Progress,
 ) -> tuple[Alternation[Sync, SyncSummary, JointMotion], EventCameras]:
     """Calibrate the cameras from the event, and fit the motion again with them: the one round after
@@ -64,7 +63,7 @@ def calibrated_round(
     names = list(dict.fromkeys(problem.scene.body.keypoints.names))
     clock = clock_of_participants(problem, sync)
     task, start = _calibration_problem(
-        problem, motion, names, clock, offset_by_sound(problem, sync), params
+        problem, motion, names, clock, offset_by_sound(problem, sync)
     )
     solved = calibrate(task, start, progress)
     rig = solved.rig.with_lengths_of(task.prior.lengths)
@@ -84,7 +83,7 @@ def calibrated_round(
     status = f"the cameras are calibrated from the event: {solved.status}"
     rounds = [first, LoopRound(summary_of(sync), again, again.misfit, change)]
     step = np.diff(task.moments).min(initial=np.inf) if len(task.moments) > 1 else 1.0
-    stored = _stored(ids, scene, solved, params, float(step))
+    stored = _stored(ids, scene, solved, float(step))
     return Alternation(rounds, 1, sync, status), stored
 
 
@@ -94,7 +93,6 @@ def _calibration_problem(
     names: Sequence[str],
     clock: Clock,
     by_sound: Bool[np.ndarray, " M"],
-    params: EventParams,
 ) -> tuple[EventProblem, CameraRig]:
     """The calibration's problem and its start, the keypoints of the motion so far."""
     assert motion.common is not None
@@ -124,7 +122,6 @@ def _calibration_problem(
         prior=replace(start, K=assumed_K, lengths=body_lengths),
         offset_sd=sd_s * [o.fps for o in observations],
         fixed_distortion=np.array(corrected),
-        spreads=params,
     )
     return task, start
 
@@ -151,10 +148,10 @@ def _undistorted(observations: Sequence[Observation], rig: CameraRig) -> list[Ob
 
 
 def _stored(
-    ids: Sequence[str], scene: Scene, solved: EventCalibration, params: EventParams, stride: float
+    ids: Sequence[str], scene: Scene, solved: EventCalibration, stride: float
 ) -> EventCameras:
     rig, fps = solved.rig, [o.fps for o in scene.observations]
-    together = max(1.0, params.correlation_s * scene.fps / stride)
+    together = max(1.0, CORRELATION_S * scene.fps / stride)
     sd = solved.sd * together**0.5  # neighbouring frames err alike
     cameras = [
         EventCamera(

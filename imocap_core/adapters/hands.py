@@ -28,10 +28,9 @@ from imocap_core.body.kinematics import world_rotations
 from imocap_core.camera.projection import warp
 from imocap_core.conventions import SIDES, SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.hands.hand_fit import FittedHands
-from imocap_core.hands.hand_objective import ArmsAndHands, point_weights
+from imocap_core.hands.hand_objective import ArmsAndHands, HandWeights, point_weights
 from imocap_core.hands.hand_skeleton import HandSkeleton, hand_skeleton
 from imocap_core.motion.multiview.timeline import Timeline, make_timeline
-from imocap_core.params import HandsParams
 from imocap_core.rotations import exp, log, unwrap
 
 ELBOWS = [SMPL_JOINTS.index(f"{side}_elbow") for side in SIDES]
@@ -62,11 +61,7 @@ class HandsProblem:
 
 
 def hands_problem(
-    body: Model,
-    keypoints: Keypoints,
-    camera_motion: CameraMotion,
-    refined: RefineSync,
-    params: HandsParams,
+    body: Model, keypoints: Keypoints, camera_motion: CameraMotion, refined: RefineSync
 ) -> HandsProblem:
     """The hands' problem; body: a model with fingers, given the reference's shape."""
     sync, reference = refined.sync, refined.sync.reference
@@ -78,7 +73,7 @@ def hands_problem(
         body.shape(torch.as_tensor(motions[reference].betas).to(body.v_template))
     )
     videos = {
-        v.id: arms_and_hands(v, moving[v.id], solved[v.id], motions[v.id], skeleton, params)
+        v.id: arms_and_hands(v, moving[v.id], solved[v.id], motions[v.id], skeleton)
         for v in keypoints.videos
     }
     together = members_of(sync)
@@ -96,7 +91,6 @@ def arms_and_hands(
     camera: Camera,
     motion: VideoMotion,
     skeleton: HandSkeleton,
-    params: HandsParams,
 ) -> ArmsAndHands:
     """Forearms of the body's result; hand keypoints in the first frame's image."""
     hands = _hand_keypoints(video)
@@ -113,9 +107,9 @@ def arms_and_hands(
         xy,
         hands.confidence,
         hand_px,
-        noise_share=params.noise_share,
-        min_confidence=params.min_confidence,
-        min_points=params.min_points,
+        noise_share=HandWeights.noise_share,
+        min_confidence=HandWeights.min_confidence,
+        min_points=HandWeights.min_points,
     )
     return ArmsAndHands(
         R_forearm=R[:, ELBOWS].transpose(0, 1),

@@ -12,7 +12,6 @@ from imocap_core.body.model import (
     points_with_blocks,
     points_with_jacobian,
 )
-from imocap_core.body.official import load_body, model_files
 from imocap_core.body.points import PointSet, join_points, make_points, pick_points
 
 __all__ = [
@@ -26,10 +25,8 @@ __all__ = [
     "keypoints_with_jacobian",
     "layout_names",
     "layouts",
-    "load_body",
     "load_free_body",
     "make_points",
-    "model_files",
     "pick_points",
     "points_with_blocks",
     "points_with_jacobian",

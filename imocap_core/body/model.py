@@ -28,18 +28,8 @@ from torch import Tensor
 from imocap_core import rotations as so3
 from imocap_core.body.kinematics import Landmark, check_tree, joint_positions, world_rotations
 from imocap_core.body.layouts import layout_points
-from imocap_core.body.points import (
-    Corrections,
-    PointSet,
-    place_points,
-    posed_levers,
-    rows_of,
-    skin,
-    turn,
-    weighted_rest,
-)
+from imocap_core.body.points import PointSet, place_points, rows_of, skin, turn, weighted_rest
 from imocap_core.conventions import SMPLH_JOINTS
-from imocap_core.rotations import hat
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +41,7 @@ class Model:
     name, digest: identity of the body; the digest covers every number that moves a vertex.
     joint_names, parents: the J joints of the kinematic tree; joint 0 is the root, of parent -1.
     v_template, faces: the mean surface at rest.
-    shapedirs: displacement per unit of each shape coefficient. The first `num_betas` are the
-        person's shape, the rest (SMPL-X) facial expression.
-    posedirs: pose blend shapes, per entry of ``R_local[1:] - I``: P = 9 (J - 1).
+    shapedirs: displacement per unit of each shape coefficient.
     J_regressor: rest joints from rest vertices. weights: skinning weights, rows sum to 1.
     landmarks: named surface points, each a weighted mean of vertices.
     face_parts, part_names: the part of a person to which each face belongs (skin, hair, ...).
@@ -68,8 +56,6 @@ class Model:
     weights: Float[Tensor, "V J"]
     faces: Int[Tensor, "F 3"]
     digest: str = ""
-    num_betas: int = 10
-    posedirs: Float[Tensor, "V 3 P"] | None = None
     landmarks: Mapping[str, Landmark] = field(default_factory=dict)
     face_parts: Int[Tensor, " F"] | None = None
     part_names: tuple[str, ...] = ()
@@ -85,8 +71,6 @@ class Model:
             "weights": (vertices, joints),
             "faces": (self.faces.shape[0], 3),
         }
-        if self.posedirs is not None:
-            expected["posedirs"] = (vertices, 3, 9 * (joints - 1))
         if self.face_parts is not None:
             expected["face_parts"] = (self.faces.shape[0],)
         wrong = [
@@ -107,6 +91,10 @@ class Model:
     def dtype(self) -> torch.dtype:
         return self.v_template.dtype
 
+    @property
+    def num_betas(self) -> int:
+        return self.shapedirs.shape[-1]
+
     @cached_property
     def joints_template(self) -> Float[Tensor, "J 3"]:
         """Rest joints of the mean shape."""
@@ -117,30 +105,16 @@ class Model:
         """Displacement of the rest joints per unit of each shape coefficient."""
         return torch.einsum("jv,vcb->jcb", self.J_regressor, self.shapedirs)
 
-    def shape(
-        self, betas: Float[Tensor, "... n"], expression: Float[Tensor, "... m"] | None = None
-    ) -> Shaped:
+    def shape(self, betas: Float[Tensor, "... n"]) -> Shaped:
         """The body with a shape: at most `num_betas` betas; missing ones are 0.
 
-        expression: facial expression of bodies that have it (SMPL-X). ValueError for too many
-        coefficients.
+        ValueError for too many coefficients.
         """
-        expressions = self.shapedirs.shape[-1] - self.num_betas
         if betas.shape[-1] > self.num_betas:
             raise ValueError(
                 f"betas: expected at most {self.num_betas} coefficients, got {betas.shape[-1]}"
             )
-        if expression is None:
-            return Shaped(self, betas)
-        if expression.shape[-1] > expressions:
-            raise ValueError(
-                f"expression: {self.name} has {expressions} coefficients, "
-                f"got {expression.shape[-1]}"
-            )
-        leading = torch.broadcast_shapes(betas.shape[:-1], expression.shape[:-1])
-        padding = betas.new_zeros(*leading, self.num_betas - betas.shape[-1])
-        parts = (betas.expand(*leading, -1), padding, expression.expand(*leading, -1))
-        return Shaped(self, torch.cat(parts, dim=-1))
+        return Shaped(self, betas)
 
     def points(self, layout: str) -> PointSet:
         """The keypoints of a layout ("body25", "coco17", "smpl24", ...) on this body."""
@@ -149,7 +123,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Shaped:
-    """A body with a shape, at rest. coefficients: betas, then expression."""
+    """A body with a shape, at rest. coefficients: betas."""
 
     model: Model
     coefficients: Float[Tensor, "... n"]
@@ -164,7 +138,7 @@ class Shaped:
 
     @cached_property
     def vertices_rest(self) -> Float[Tensor, "... V 3"]:
-        """Rest surface, metres, before pose blend shapes."""
+        """Rest surface, metres."""
         count = self.coefficients.shape[-1]
         directions = self.model.shapedirs[..., :count]
         offsets = self.coefficients @ directions.flatten(0, 1).T
@@ -291,12 +265,10 @@ def points_with_blocks(
 ) -> tuple[Float[Tensor, "... K 3"], Float[Tensor, "... N 3 3"], Float[Tensor, "... K 3 n"]]:
     """The same, of derivatives by pose only what may differ from 0: `PointSet.pairs`."""
     shaped, rows = posed.shaped, rows_of(posed.R_world)
-    levers = posed_levers(posed, points)
+    levers = points.levers(shaped)
     placed = turn(rows, levers.flatten(-2).transpose(-1, -2)).transpose(-1, -2)
     xyz = placed + shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
     blocks = _by_pose(posed.R_world, rows, levers, points)
-    if points.corrections is not None:
-        blocks = blocks + _by_pose_blend(posed, points.corrections)
     d_shape = _by_shape(rows, shaped, points)
     batch = xyz.shape[:-2]
     return xyz, blocks.expand(*batch, -1, -1, -1), d_shape.expand(*batch, -1, -1, -1)
@@ -327,20 +299,6 @@ def all_joints(blocks: Float[Tensor, "... N 3 3"], points: PointSet) -> Float[Te
     result = blocks.new_zeros(*batch, count * 3 * joints, 3)
     result.index_copy_(len(batch), place, blocks.flatten(-3, -2))
     return result.view(*batch, count, 3, 3 * joints)
-
-
-def _by_pose_blend(posed: Posed, corrections: Corrections) -> Float[Tensor, "... N 3 3"]:
-    """Derivatives by pose of the pose blend shapes, whose offsets depend on local rotations."""
-    R_local, R_world = posed.R_local, posed.R_world
-    identity = torch.eye(3, dtype=R_local.dtype, device=R_local.device)
-    # d R_local / d delta_i = R_local hat(e_i), for each joint but the root: (..., J - 1, 3, 9)
-    turned = R_local[..., 1:, None, :, :] @ hat(identity)
-    directions = corrections.directions.unflatten(-1, (-1, 9))  # (U, 3, J - 1, 9)
-    offsets = torch.einsum("ucjf,...jif->...ucji", directions, turned.flatten(-2)).flatten(-2)
-    blended = torch.einsum("uj,...jab->...uab", corrections.weights, R_world)
-    moved = torch.einsum("ku,...uci->...kci", corrections.shares, blended @ offsets)
-    moved = torch.nn.functional.pad(moved, (3, 0))  # by the root
-    return moved.unflatten(-1, (-1, 3)).transpose(-3, -2).flatten(-4, -3)
 
 
 def _by_shape(

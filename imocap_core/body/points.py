@@ -4,9 +4,9 @@ A point that is a weighted mean of joints and skinned vertices is
 
     p = root + sum_k R_world_k @ lever_k,        root = joints_rest[0] + transl
 
-where lever_k, a vector in the frame of joint k, is linear in the shape (and, where a model has
-pose blend shapes, in the entries of the local rotations). It is the sum of the surface vertices
-that joint k moves, by their weights, and of its bones towards the joints below that move the rest.
+where lever_k, a vector in the frame of joint k, is linear in the shape. It is the sum of the
+surface vertices that joint k moves, by their weights, and of its bones towards the joints below
+that move the rest.
 So a layout on any number of bodies is one matrix product, and so are its derivatives.
 
 Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015). Bone k moves a rest
@@ -28,19 +28,6 @@ from imocap_core.body.kinematics import ModelArrays, PosedArrays, ShapedArrays, 
 
 
 @dataclass(frozen=True, eq=False)
-class Corrections:
-    """Pose blend shapes of the U vertices that a layout uses.
-
-    directions: per entry of ``R_local[1:] - I``, P = 9 (J - 1). shares: weight of each vertex in
-    each of K points. weights: skinning weights of the vertices.
-    """
-
-    directions: Float[Tensor, "U 3 P"]
-    shares: Float[Tensor, "K U"]
-    weights: Float[Tensor, "U J"]
-
-
-@dataclass(frozen=True, eq=False)
 class PointSet:
     """K named points on one model.
 
@@ -59,14 +46,11 @@ class PointSet:
     moved_by: Bool[Tensor, "K J"]
     below: Float[Tensor, "J J"]
     columns: tuple[int, ...]
-    corrections: Corrections | None = None
 
     @cached_property
     def pairs(self) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"]]:
         """Point and joint of each pair of which the joint moves the point, sorted by points."""
-        every = self.corrections is not None  # a vertex's blend shapes depend on all joints
-        moved = torch.ones_like(self.moved_by) if every else self.moved_by
-        point_of, joint_of = moved.nonzero(as_tuple=True)
+        point_of, joint_of = self.moved_by.nonzero(as_tuple=True)
         return point_of, joint_of
 
     @cached_property
@@ -76,7 +60,7 @@ class PointSet:
         return np.searchsorted(point_of, np.arange(len(self.names) + 1)), joint_of
 
     def levers(self, shaped: ShapedArrays) -> Float[Tensor, "... K J 3"]:
-        """Levers of a shape, before pose blend shapes."""
+        """Levers of a shape."""
         count = shaped.coefficients.shape[-1]
         directions = self.levers_shapedirs[..., :count]
         offsets = shaped.coefficients @ directions.flatten(0, -2).T
@@ -86,9 +70,6 @@ class PointSet:
 def pick_points(points: PointSet, names: Sequence[str]) -> PointSet:
     """A subset of the points, by name."""
     rows = [points.names.index(name) for name in names]
-    corrections = points.corrections
-    if corrections is not None:
-        corrections = replace(corrections, shares=corrections.shares[rows])
     return replace(
         points,
         names=tuple(names),
@@ -96,7 +77,6 @@ def pick_points(points: PointSet, names: Sequence[str]) -> PointSet:
         levers_shapedirs=points.levers_shapedirs[rows],
         moved_by=points.moved_by[rows],
         columns=tuple(points.columns[row] for row in rows),
-        corrections=corrections,
     )
 
 
@@ -140,24 +120,6 @@ def join_points(sets: Sequence[PointSet]) -> PointSet:
         moved_by=torch.cat([points.moved_by for points in sets]),
         below=sets[0].below,
         columns=tuple(column for points in sets for column in points.columns),
-        corrections=_join_corrections(sets),
-    )
-
-
-def _join_corrections(sets: Sequence[PointSet]) -> Corrections | None:
-    parts = [points.corrections for points in sets if points.corrections is not None]
-    if not parts:
-        return None
-    shares = [
-        points.levers_template.new_zeros(len(points.names), 0)
-        if points.corrections is None
-        else points.corrections.shares
-        for points in sets
-    ]
-    return Corrections(
-        torch.cat([part.directions for part in parts]),
-        torch.block_diag(*shares),
-        torch.cat([part.weights for part in parts]),
     )
 
 
@@ -193,9 +155,6 @@ def _build(
             lever[:, parent] += below[:, child, None, None] * bone
         return lever
 
-    corrections = None
-    if model.posedirs is not None and vertices:
-        corrections = Corrections(model.posedirs[vertices], shares, weights)
     return PointSet(
         names,
         levers(model.v_template[vertices][..., None], model.joints_template[..., None])[..., 0],
@@ -203,7 +162,6 @@ def _build(
         _moved_by(model.parents, joint_shares, shares @ weights),
         chain.T,
         tuple(range(len(names))),
-        corrections,
     )
 
 
@@ -215,24 +173,6 @@ def _moved_by(
     chain = ancestors(parents).to(joint_shares)
     strictly_above = chain - torch.eye(len(parents), dtype=chain.dtype, device=chain.device)
     return (joint_shares.abs() @ strictly_above + skinned.abs() @ chain) > 0
-
-
-def pose_features(R_local: Float[Tensor, "... J 3 3"]) -> Float[Tensor, "... P"]:
-    """Input of the pose blend shapes: ``R_local[1:] - I`` flattened, P = 9 (J - 1)."""
-    identity = torch.eye(3, dtype=R_local.dtype, device=R_local.device)
-    return (R_local[..., 1:, :, :] - identity).flatten(-3)
-
-
-def posed_levers(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K J 3"]:
-    """Levers with the pose blend shapes of this pose."""
-    levers = points.levers(posed.shaped)
-    if points.corrections is None:
-        return levers
-    c = points.corrections
-    offsets = pose_features(posed.R_local) @ c.directions.flatten(0, 1).T
-    return levers + torch.einsum(
-        "ku,uj,...uc->...kjc", c.shares, c.weights, offsets.unflatten(-1, (-1, 3))
-    )
 
 
 def rows_of(R_world: Float[Tensor, "... J 3 3"]) -> Float[Tensor, "... 3 P"]:
@@ -257,7 +197,7 @@ def turn(
 
 def place_points(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K 3"]:
     """World positions of the points, metres."""
-    columns = posed_levers(posed, points).flatten(-2).transpose(-1, -2)
+    columns = points.levers(posed.shaped).flatten(-2).transpose(-1, -2)
     placed = turn(rows_of(posed.R_world), columns).transpose(-1, -2)
     root = posed.shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
     return placed + root
@@ -270,7 +210,7 @@ def skin(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     """Posed vertices, metres."""
     rest = posed.shaped.joints_rest
     shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
-    if posed.shaped.model.posedirs is None and shared:
+    if shared:
         return _skin_shared(posed)
     return _skin_each(posed)
 
@@ -294,7 +234,7 @@ def weighted_rest(shaped: ShapedArrays) -> Float[Tensor, "... P V"]:
 
 
 def _skin_each(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
-    """Bodies of different shapes, or with pose blend shapes: a few at a time."""
+    """Bodies of different shapes: a few at a time."""
     shaped, model = posed.shaped, posed.shaped.model
     batch = posed.joints.shape[:-2]
     moved_rest = (posed.R_world @ shaped.joints_rest[..., None])[..., 0]
@@ -303,15 +243,10 @@ def _skin_each(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     bones = bones.movedim(1, -1)  # (N, 3, 4, J)
     vertices = shaped.vertices_rest.transpose(-1, -2)
     vertices = vertices.expand(*batch, *vertices.shape[-2:]).reshape(-1, *vertices.shape[-2:])
-    features = pose_features(posed.R_local)
-    features = features.expand(*batch, -1).reshape(-1, features.shape[-1])
     done = []
     for first in range(0, len(bones), _BODIES_AT_ONCE):
         part = slice(first, first + _BODIES_AT_ONCE)
         rest = vertices[part]
-        if model.posedirs is not None:
-            bend = features[part] @ model.posedirs.flatten(0, 1).T
-            rest = rest + bend.unflatten(-1, (-1, 3)).transpose(-1, -2)
         blended = bones[part] @ model.weights.T  # (n, 3, 4, V)
         done.append((blended[:, :, :3] * rest[:, None]).sum(2) + blended[:, :, 3])
     return torch.cat(done).transpose(-1, -2).unflatten(0, batch) if batch else done[0][0].T

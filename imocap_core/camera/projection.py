@@ -96,6 +96,17 @@ NEWTON_STEPS, TANGENTIAL_STEPS = 3, 10
 GRID = 256
 
 
+def frame_projections(
+    H_first_from_frame: Float[np.ndarray, "T 3 3"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "T 3 3"]:
+    """From metres in the first frame's camera axes to homogeneous pixels of every frame:
+    H_first_from_frame^-1 K, scaled so that the third coordinate is the depth for a camera that
+    turns on the spot."""
+    H_frame_from_first = np.linalg.inv(H_first_from_frame)
+    scale = np.cbrt(np.linalg.det(H_frame_from_first))[:, None, None]
+    return np.asarray(H_frame_from_first / scale @ K)
+
+
 @dataclass(frozen=True, eq=False)
 class Lens:
     """A lens with distortion.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import textwrap
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -92,23 +91,11 @@ def formats_command(
             console.print(f"  {each.name:<16} {each.what}")
 
 
-def doctor_command(
-    context: typer.Context,
-    models: Annotated[
-        Path | None,
-        typer.Option(
-            envvar="IMOCAP_MODELS",
-            exists=True,
-            file_okay=False,
-            help="Folder with your own SMPL, SMPL+H or SMPL-X files.",
-        ),
-    ] = None,
-    as_json: Json = False,
-) -> None:
+def doctor_command(context: typer.Context, as_json: Json = False) -> None:
     """Check the installation."""
     from imocap_core.library.doctor import examine
 
-    checks = examine(root_of(context), models)
+    checks = examine(root_of(context))
     if as_json:
         done = list(checks)
         print_json({"ok": all(check.works for check in done), "checks": done})

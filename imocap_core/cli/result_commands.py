@@ -41,10 +41,6 @@ def view_command(
         Path | None,
         typer.Option(metavar="FILE", help="File to write to (default: viewer.html in the report)."),
     ] = None,
-    moment: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Only half a second about a moment: a small file."),
-    ] = None,
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
@@ -59,8 +55,8 @@ def view_command(
     With --serve, a page on this machine shows what a run has made so far; in the end, the viewer.
     """
     if serve:
-        if out is not None or moment is not None:
-            raise WrongUse("--serve shows the whole viewer; leave out --out and --moment")
+        if out is not None:
+            raise WrongUse("--serve shows the viewer on a page; leave out --out")
         _serve(action, root_of(context), sets, open_page)
         return
     from rich.markup import escape
@@ -72,7 +68,6 @@ def view_command(
         viewer = view(
             action,
             out,
-            moment=moment,
             root=root_of(context),
             params=sets,
             progress=lambda share, what: status.update(f"viewer: {escape(what)}"),
@@ -157,10 +152,6 @@ def export_command(
         bool,
         typer.Option("--lock-feet", help="Feet in contact with the ground stay where they stand."),
     ] = False,
-    loop: Annotated[
-        Literal["continue", "in-place"] | None,
-        typer.Option(help="With --mean: the end blends into the start, which goes on or returns."),
-    ] = None,
     variation: Annotated[
         bool, typer.Option("--variation", help="The mean and the modes of variation, as clips.")
     ] = False,
@@ -177,7 +168,7 @@ def export_command(
         format=format,
         up=up,
         time=time,
-        options=ExportOptions(videos, mean, origin, names, root_bone, lock_feet, loop, variation),
+        options=ExportOptions(videos, mean, origin, names, root_bone, lock_feet, variation),
         root=root_of(context),
         params=sets,
         announce=console.print,

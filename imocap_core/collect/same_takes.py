@@ -22,6 +22,7 @@ from imocap_core.collect.films import ShotTrack, pictures_of
 from imocap_core.collect.listing import Occurrence, SameTakeAs
 from imocap_core.diagnostics.contradictions import person_size
 from imocap_core.diagnostics.same_take import moving_frames, nearest, picture_similarity, upsampled
+from imocap_core.sequences import theil_sen_slope
 
 NEAR = 0.0125  # of the person's size: root mean square over the keypoints, median over frames
 CENTRE = 0.0045  # of the person's size: distance of the keypoints' centres, median over frames
@@ -128,12 +129,8 @@ def _at_constant_rate(
 
 
 def _slope(frames: Int[np.ndarray, " N"], position: Float[np.ndarray, " N"]) -> float:
-    """Frames of the second a frame of the first (Theil-Sen); 0 where time does not advance."""
-    later, risen = np.subtract.outer(frames, frames), np.subtract.outer(position, position)
-    apart = later > np.ptp(frames) / 4
-    if not apart.any():
-        return 0.0
-    slope = float(np.median(risen[apart] / later[apart]))
+    """Frames of the second a frame of the first ; 0 where time does not advance."""
+    slope = theil_sen_slope(frames, position)
     offset = position - slope * frames
     aside = np.abs(offset - np.median(offset))
     return slope if (aside < ASIDE * slope * np.ptp(frames)).mean() > ADVANCING else 0.0

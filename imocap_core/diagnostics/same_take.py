@@ -21,6 +21,7 @@ from jaxtyping import Float, Int
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.diagnostics.contradictions import TWINS, limbs_px, person_size
 from imocap_core.diagnostics.findings import Finding, listed
+from imocap_core.sequences import theil_sen_slope
 
 NEAR = 0.015  # of the person's size: root mean square over the keypoints
 NEAR_SHARE = 0.7  # of the moving frames that must be as near
@@ -113,7 +114,7 @@ def _repeated(
     if near.mean() < NEAR_SHARE or np.median(centres) > CENTRE * size:
         return None
     positions = np.interp(index[near] / POSITIONS_PER_FRAME, np.arange(len(b)), complete)
-    rate = _rate(frames[near], positions)
+    rate = theil_sen_slope(frames[near], positions)
     if rate <= 0:
         return None
     closer = (distance < CERTAIN * size).mean() >= NEAR_SHARE
@@ -177,14 +178,6 @@ def _by_the_clock(
     early = positions - rate * frames
     off = np.abs(early - np.median(early)) <= CLOCK_FRAMES * max(1.0, rate)
     return bool(off.mean() >= CLOCK_SHARE and np.ptp(frames[off]) >= CLOCK_SPAN_S * fps)
-
-
-def _rate(frames: Int[np.ndarray, " N"], positions: Float[np.ndarray, " N"]) -> float:
-    """Slope of positions over frames: the median over pairs (Theil-Sen); 0 where unknown."""
-    later = np.subtract.outer(frames, frames)
-    risen = np.subtract.outer(positions, positions)
-    apart = later > np.ptp(frames) / 4
-    return float(np.median(risen[apart] / later[apart])) if apart.any() else 0.0
 
 
 def take_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:

@@ -13,7 +13,7 @@ from imocap_core.export.export_options import ExportOptions
 from imocap_core.io.writers.gltf import Actor, ClipCamera, skin_of
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.io.writers.rigs import as_rig, skin_as_rig
-from imocap_core.result.derived import FootLock, loop, with_locked_feet
+from imocap_core.result.derived import FootLock
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import STATIC_TOLERANCE, VideoResult
 from imocap_core.result.video_motion import shaped_body
@@ -103,17 +103,6 @@ def linear(hex_srgb: str) -> tuple[float, float, float]:
     screen = [int(hex_srgb[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in screen)
     return red, green, blue
-
-
-def cleaned(
-    result: ActionResult, options: ExportOptions
-) -> tuple[ActionResult, dict[str, FootLock]]:
-    """The result looped and with locked feet, as the options say; what the lock changed."""
-    if options.loop is not None:
-        result = loop(result, in_place=options.loop == "in-place")
-    if not options.lock_feet:
-        return result, {}
-    return with_locked_feet(result, loops=options.loop is not None)
 
 
 def foot_lock_notes(locks: Mapping[str, FootLock]) -> list[str]:

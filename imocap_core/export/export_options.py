@@ -9,7 +9,6 @@ from imocap_core.errors import WrongUse
 from imocap_core.io.writers.rigs import RIGS
 
 Origin = Literal["ground", "start"]
-Loop = Literal["continue", "in-place"]
 LAFAN1 = "lafan1"
 CHARACTERS = ("bvh", "glb", "fbx", "usd")
 
@@ -25,8 +24,6 @@ class ExportOptions:
     the motion. lock_feet: feet in contact with the ground stay where they stand.
     variation: the mean and both ends of each mode of variation, two standard deviations away, as
     clips on the common timeline, with the distribution as numbers.
-    loop: of the mean: continue: its end blends into its start, which goes on from where the body
-    has come to; in-place: it ends where it began.
     """
 
     videos: tuple[str, ...] = ()
@@ -35,25 +32,21 @@ class ExportOptions:
     names: str = "smpl"
     root_bone: bool = False
     lock_feet: bool = False
-    loop: str | None = None
     variation: bool = False
 
     @property
     def levelled(self) -> bool:
         """Whether it takes a world that stands on its ground."""
-        return self.origin == "start" or self.loop is not None
+        return self.origin == "start"
 
     def check(self, format: str) -> None:
         """WrongUse for values that are none, and for what a format cannot hold."""
         for option, given, allowed in (
             ("--origin", self.origin, get_args(Origin)),
             ("--names", self.names, ("smpl", *RIGS, LAFAN1)),
-            ("--loop", self.loop, (None, *get_args(Loop))),
         ):
             if given not in allowed:
-                raise WrongUse(
-                    f"{option}: expected one of {', '.join(filter(None, allowed))}, got {given}"
-                )
+                raise WrongUse(f"{option}: expected one of {', '.join(allowed)}, got {given}")
         if format not in CHARACTERS and (self.names != "smpl" or self.root_bone):
             raise WrongUse(
                 f"--names and --root-bone are of characters, in {', '.join(CHARACTERS)}; {format} "
@@ -65,5 +58,3 @@ class ExportOptions:
             raise WrongUse("--variation is of all performances; leave --mean and --video out")
         if self.mean and self.videos:
             raise WrongUse("--mean is of all performances; leave --video out")
-        if self.loop is not None and not self.mean:
-            raise WrongUse("--loop is of the mean performance; add --mean")

@@ -10,7 +10,7 @@ from imocap_core.detect.environment import Announce
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.blender import FORMATS as OF_BLENDER
 from imocap_core.export.blender import Target, blender_program, write_characters
-from imocap_core.export.clips import actors_of, as_character, cleaned, clip_of, foot_lock_notes
+from imocap_core.export.clips import actors_of, as_character, clip_of, foot_lock_notes
 from imocap_core.export.export_options import LAFAN1, ExportOptions
 from imocap_core.export.laboratory import trial_of, write_opensim
 from imocap_core.export.side_files import (
@@ -31,7 +31,14 @@ from imocap_core.io.writers.export_npz import write_amass, write_video
 from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
-from imocap_core.result.derived import from_start, mean_performance, mode_clips, turned_y_up
+from imocap_core.result.derived import (
+    FootLock,
+    from_start,
+    mean_performance,
+    mode_clips,
+    turned_y_up,
+    with_locked_feet,
+)
 from imocap_core.result.result import ActionResult, Time
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import shaped_body
@@ -111,7 +118,9 @@ def export(
     if options.origin == "start":
         first = written.videos[0]
         placed, written = from_start(placed, first), from_start(written, first)
-    written, locks = cleaned(written, options)
+    locks: dict[str, FootLock] = {}
+    if options.lock_feet:
+        written, locks = with_locked_feet(written)
     try:
         with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written, options)

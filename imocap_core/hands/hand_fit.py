@@ -24,6 +24,7 @@ from imocap_core.hands.hand_objective import (
     CommonHand,
     HandState,
     HandViews,
+    HandWeights,
     common_at,
     common_views,
     coupling_cost,
@@ -37,9 +38,9 @@ from imocap_core.hands.hand_skeleton import HandSkeleton, hand_points, joint_vec
 from imocap_core.motion.gauss_newton import descend
 from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotations
 from imocap_core.motion.normal import NormalEquations, solve_globals
-from imocap_core.params import HandsParams
 from imocap_core.rotations import exp, geodesic_angle
 
+USUAL = HandWeights()
 TOLERANCE = 1e-4  # a step that lowers the objective by a smaller share is the last
 SIZE_RANGE = (0.7, 1.4)
 LARGEST_GROWTH = 0.2  # of the logarithm of the size in one step
@@ -56,7 +57,7 @@ class HandProblem:
 
     views: HandViews
     skeleton: HandSkeleton
-    weights: HandsParams
+    weights: HandWeights
     fps: Float[Tensor, " B"]
     common: CommonHand | None = None
 
@@ -284,7 +285,7 @@ def fit_hands(
     videos: Sequence[ArmsAndHands],
     timeline: Timeline | None,
     reference: int,
-    params: HandsParams,
+    params: HandWeights = USUAL,
 ) -> tuple[list[FittedHands], float]:
     """Fit both hands in all videos of one action; returns them and their common size.
 
@@ -316,7 +317,7 @@ def _common(
     videos: Sequence[ArmsAndHands],
     timeline: Timeline,
     reference: int,
-    params: HandsParams,
+    params: HandWeights,
 ) -> HandState:
     """One left and one right hand for all videos, at the reference's frames."""
     views = common_views(skeleton, videos, timeline)
@@ -325,7 +326,7 @@ def _common(
     return _solved(problem, initial_state(problem, params.stride_s), params)
 
 
-def _solved(problem: HandProblem, state: HandState, params: HandsParams) -> HandState:
+def _solved(problem: HandProblem, state: HandState, params: HandWeights) -> HandState:
     state, _ = solve_hands(problem, state, params.max_steps)
     return solve_hands_and_size(problem, state, params.max_steps, params.size_spread)
 

@@ -23,9 +23,42 @@ from imocap_core.motion.multiview.timeline import (
     sample_rotations,
 )
 from imocap_core.motion.normal import NormalEquations
-from imocap_core.params import HandsParams
 from imocap_core.robust import cauchy, geman_mcclure
 from imocap_core.rotations import exp, log, mean, right_jacobian
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandWeights:
+    """The spreads and limits of every fit of hands; `coupling_rad`, `acceleration_rad_s2` and
+    `pose_prior` were chosen on *taichi* of another seed.
+
+    Standard deviations: noise_share of a keypoint, as a share of the hand's length; wrist_rad,
+    offset_m of a wrist's rotation and position about the body's, which says little about a
+    forearm's twist; acceleration_rad_s2, offset_acceleration_m_s2; size_spread of the logarithm of
+    the hands' size, relative to the body's shape.
+    robust_scale_sigma: of the Geman-McClure loss of keypoint distances, in standard deviations.
+    min_confidence of a keypoint that is used; a hand with fewer than min_points is unseen.
+    pose_prior: weight of squared finger angles, relative to the spread of everyday poses.
+    limit_rad: angle beyond a finger joint's range that costs 1; coupling_rad: difference from the
+    hand common to all videos that does, which beyond agreement_rad stops following it.
+    stride_s: between the frames in which all rotations of the wrist are tried as a start.
+    """
+
+    noise_share: float = 0.04
+    robust_scale_sigma: float = 4.0
+    min_confidence: float = 0.1
+    min_points: int = 6
+    wrist_rad: float = 0.8
+    offset_m: float = 0.04
+    pose_prior: float = 0.5
+    limit_rad: float = 0.05
+    coupling_rad: float = 0.3
+    agreement_rad: float = 0.5
+    acceleration_rad_s2: float = 20.0
+    offset_acceleration_m_s2: float = 4.0
+    size_spread: float = 0.15
+    stride_s: float = 0.2
+    max_steps: int = 15
 
 
 @dataclass(frozen=True)
@@ -308,7 +341,7 @@ def project_hands(
 
 
 def image_cost(
-    views: HandViews, state: HandState, weights: HandsParams, normal: Equations = None
+    views: HandViews, state: HandState, weights: HandWeights, normal: Equations = None
 ) -> Float[Tensor, " B"]:
     """Robust distance of the projected hands to the detected keypoints."""
     pixels, jacobian = project_hands(views, state)
@@ -341,7 +374,7 @@ def prior_cost(
     views: HandViews,
     state: HandState,
     skeleton: HandSkeleton,
-    weights: HandsParams,
+    weights: HandWeights,
     normal: Equations = None,
 ) -> Float[Tensor, " B"]:
     """Priors of poses, ranges of motion, and the wrist's rotation and offset from the body's."""
@@ -383,7 +416,7 @@ def _pose_rows(angles: Tensor, spread: Tensor) -> Tensor:
 def smooth_cost(
     views: HandViews,
     state: HandState,
-    weights: HandsParams,
+    weights: HandWeights,
     fps: Float[Tensor, " B"],
     normal: Equations = None,
 ) -> Float[Tensor, " B"]:
@@ -412,7 +445,7 @@ def coupling_cost(
     views: HandViews,
     state: HandState,
     common: CommonHand,
-    weights: HandsParams,
+    weights: HandWeights,
     normal: Equations = None,
 ) -> Float[Tensor, " B"]:
     """Differences from the common motion, robustly for the wrist and for each finger."""

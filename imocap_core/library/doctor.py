@@ -8,7 +8,6 @@ import platform
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -29,11 +28,8 @@ class Check:
     sentence: str
 
 
-def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Check]:
-    """Check one thing after another, whether or not the one before works.
-
-    models: the folder of the user's own body models.
-    """
+def examine(root: str | Path = ".") -> Iterator[Check]:
+    """Check one thing after another, whether or not the one before works."""
     workspace = Workspace(Path(root))
     checks: tuple[Callable[[], str], ...] = (
         lambda: (
@@ -47,7 +43,6 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
         lambda: _detector(workspace),
         _video,
         _body,
-        *_official_bodies(models),
         lambda: _extra("paths of moving cameras", "pycolmap", "moving"),
         _blender,
     )
@@ -109,29 +104,6 @@ def _body() -> str:
 
     model = load_free_body()
     return f"body model: {model.name} {model.digest[:12]}"
-
-
-def _official_bodies(folder: Path | None) -> list[Callable[[], str]]:
-    """A check of each file, and one sentence on models without any: these are optional."""
-    from imocap_core.body import model_files
-
-    files = model_files(folder)
-    checks: list[Callable[[], str]] = [
-        partial(_read_body, name, file) for name, rows in files.items() for file in rows
-    ]
-    if absent := ", ".join(name for name, rows in files.items() if not rows):
-        where = f"below {folder}" if folder else "(--models FOLDER)"
-        checks.append(lambda: f"body models of your own, optional: no {absent} {where}")
-    return checks
-
-
-def _read_body(name: str, file: Path) -> str:
-    from imocap_core.body import load_body
-
-    try:
-        return f"body model {name}: {file} {load_body(file).digest[:12]}"
-    except ValueError as error:
-        raise WorkFailed(f"body model {name}: {error}") from None
 
 
 def _video() -> str:

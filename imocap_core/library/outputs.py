@@ -160,7 +160,6 @@ def view(
     action: str | Path,
     out: str | Path | None = None,
     *,
-    moment: float | None = None,
     root: str | Path = ".",
     params: Params = None,
     progress: Callable[[float, str], None] = lambda share, what: None,
@@ -168,8 +167,7 @@ def view(
     """Write the viewer of an action, one HTML file that needs nothing else.
 
     Args:
-        out: the .html file; else viewer.html in its report, or moment_1.25s.html.
-        moment: seconds of the common time; only half a second about it, for a small file.
+        out: the .html file; else viewer.html in its report.
         params: those that the result was made with, as of `run`.
         progress: a function of (share, text).
     """
@@ -178,17 +176,16 @@ def view(
     sets = one_off(params)
     job = _job(action, root, sets)
     name, page = job.action.name, report_page(job)
-    usual = FILE_NAME if moment is None else f"moment_{moment:.2f}s.html"
-    file = job.store.report(name) / usual if out is None else html_file(out)
+    file = job.store.report(name) / FILE_NAME if out is None else html_file(out)
     possible = can_be_viewed(job.store, name)
     if page is None and not possible:
         raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
     if out is None and not possible:
         return Viewer(name, page, None, False)
     if out is not None:
-        return Viewer(name, page, file, write_viewer(_current(job, sets), file, progress, moment))
+        return Viewer(name, page, file, write_viewer(_current(job, sets), file, progress))
     with job.store.lock(name, lambda: progress(0.0, "a run of this action is at work; waiting")):
-        written = write_viewer(_current(job, sets), file, progress, moment)
+        written = write_viewer(_current(job, sets), file, progress)
         record_made(file.parent, [file.name])
         refresh_pages(job.store, name)
     return Viewer(name, page, file, written)

@@ -32,7 +32,6 @@ from imocap_core.motion.event_rig import (
     sample,
     typical_lengths,
 )
-from imocap_core.params import EventParams
 from imocap_core.robust import cauchy
 
 NEAREST_M = 0.01  # a point behind a camera counts as this far in front of it
@@ -115,6 +114,30 @@ ROBUST_SIGMAS = 1.0  # Cauchy scale, in standard deviations of a detection or a 
 
 
 @dataclass(frozen=True)
+class EventSpreads:
+    """Standard deviations of a calibration from one event.
+
+    bias_share: of a detector's constant error at one point of one video, as a share of the person's
+    size. bone_noise_m: of a bone's length, as detected, about its mean; bone_length_spread_m: of
+    that mean about the bone's length in the body. common_focal_spread: of the logarithms of unknown
+    focal lengths about their mean, among cameras whose pictures have one size. distortion_spread:
+    of a lens's radial distortion (coefficient of the squared distance from the middle, in focal
+    lengths); one below three standard deviations of its estimate counts as none. rate_spread: of
+    the logarithm of a video's frame rate against its header's.
+    """
+
+    bias_share: float = 0.02
+    bone_noise_m: float = 0.01
+    bone_length_spread_m: float = 0.05
+    common_focal_spread: float = 0.07
+    distortion_spread: float = 0.05
+    rate_spread: float = 0.001
+
+
+SPREADS = EventSpreads()
+
+
+@dataclass(frozen=True)
 class EventProblem:
     """Everything that stays fixed while a rig is solved for.
 
@@ -138,7 +161,7 @@ class EventProblem:
     prior: CameraRig
     offset_sd: Float[np.ndarray, " M"]
     fixed_distortion: Bool[np.ndarray, " M"]
-    spreads: EventParams
+    spreads: EventSpreads = SPREADS
 
     def samples(self, rig: CameraRig) -> KeypointSamples:
         """The keypoints at the rig's offsets and rates."""

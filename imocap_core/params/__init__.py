@@ -12,13 +12,12 @@ from dataclasses import dataclass, field
 from imocap_core.params.motion_params import (
     EvaluateParams,
     FitParams,
-    HandsParams,
     InitialSmplParams,
     MotionParams,
     RefineParams,
     UncertaintyParams,
 )
-from imocap_core.params.sync_params import EventParams, RepetitionParams, SyncParams
+from imocap_core.params.sync_params import RepetitionParams, SyncParams
 from imocap_core.params.video_params import (
     CameraMotionParams,
     CollectParams,
@@ -43,9 +42,7 @@ class Params:
     motion: MotionParams = field(default_factory=MotionParams)
     redetect: RedetectParams = field(default_factory=RedetectParams)
     refine: RefineParams = field(default_factory=RefineParams)
-    event: EventParams = field(default_factory=EventParams)
     uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
-    hands: HandsParams = field(default_factory=HandsParams)
     evaluate: EvaluateParams = field(default_factory=EvaluateParams)
 
 
@@ -54,9 +51,7 @@ __all__ = [
     "CollectParams",
     "DetectParams",
     "EvaluateParams",
-    "EventParams",
     "FitParams",
-    "HandsParams",
     "InitialSmplParams",
     "KeypointsParams",
     "MotionParams",

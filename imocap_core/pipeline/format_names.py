@@ -9,7 +9,6 @@ DetectionFormat = Literal[
     "coco",
     "easymocap",
     "ultralytics",
-    "tfjs",
     "mediapipe",
     "halpe26",
     "wholebody",

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Real, UInt8
 
 from imocap_core.artifacts.schemas import SyncSummary, VideoKeypoints
-from imocap_core.camera.projection import Lens, camera_from_world
+from imocap_core.camera.projection import Lens, camera_from_world, frame_projections
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 
@@ -100,12 +100,8 @@ class VideoCamera:
 
     @property
     def P_frame_from_first(self) -> Float[np.ndarray, "T 3 3"]:
-        """From metres in the first frame's camera axes to homogeneous pixels of every frame:
-        H_first_from_frame^-1 K, scaled so that the third coordinate is the depth for a camera
-        that turns on the spot."""
-        H_frame_from_first = np.linalg.inv(self.H_first_from_frame)
-        scale = np.cbrt(np.linalg.det(H_frame_from_first))[:, None, None]
-        return np.asarray(H_frame_from_first / scale @ self.K)
+        """Of every frame, see `frame_projections`."""
+        return frame_projections(self.H_first_from_frame, self.K)
 
     def project(
         self, points_m: Float[np.ndarray, "... 3"], index: Int[np.ndarray, " F"] | None = None

@@ -28,7 +28,6 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.result.video import VideoCamera, VideoResult
 
 _ALIGNED = 8
-_AXES = 9  # numbers of a camera that does not turn
 Entry = dict[str, Any]
 
 
@@ -58,31 +57,9 @@ class Block:
         self._size = offset + array.nbytes
         return {"$": kind, "at": offset, "count": len(array)}
 
-    def array(self, entry: Entry) -> np.ndarray:
-        """The array of an entry, flat."""
-        kind = np.dtype(f"<{entry['$']}")
-        return np.frombuffer(b"".join(self._parts), kind, entry["count"], entry["at"])
-
     def base64(self) -> str:
         """Everything, as text for the page."""
         return base64.b64encode(b"".join(self._parts)).decode("ascii")
-
-
-def cut(value: Any, source: Block, target: Block, frames: int, part: slice) -> Any:
-    """A header's value whose arrays of `frames` rows are cut to a part of them, and all arrays
-    moved to another block. A camera's axes that are of no frame stay whole."""
-    if isinstance(value, list):
-        return [cut(v, source, target, frames, part) for v in value]
-    if not isinstance(value, dict):
-        return value
-    if "$" not in value:
-        still = {
-            k: frames if k != "axes" or v["count"] > _AXES else _AXES + 1 for k, v in value.items()
-        }
-        return {k: cut(v, source, target, still[k], part) for k, v in value.items()}
-    array = source.array(value)
-    whole = len(array) < frames or len(array) % frames
-    return target.add(array if whole else array.reshape(frames, -1)[part], value["$"])
 
 
 def quantised(values: ArrayLike) -> tuple[Int16[np.ndarray, "..."], float]:

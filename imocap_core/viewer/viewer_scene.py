@@ -38,7 +38,6 @@ from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import (
     Block,
     ShownMotion,
-    cut,
     final_motion,
     model_entry,
     monocular_motion,
@@ -76,7 +75,6 @@ def contact_spans(
 _LEGEND = "grid 0.5 m · paths start pale · "
 _ASIDE_RAD = 0.45  # the view opens from this far beside the reference camera
 _OF_DRAFT = 200  # pictures of a page before the run's end
-_SHARED_S = 0.25  # to either side of the moment, of a page of one moment
 _ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 
 
@@ -102,7 +100,6 @@ def scene(
     model: Model,
     block: Block,
     progress: Callable[[float, str], None] = lambda share, what: None,
-    moment_s: float | None = None,
     pictures_at_most: int = MOST_PICTURES,
 ) -> dict[str, Any]:
     """The header; arrays go into `block`.
@@ -110,7 +107,6 @@ def scene(
     Args:
         result: as it was read, in the reference camera's axes.
         model: the body, with fingers (52 joints) when the result has hands.
-        moment_s: of the common time; only `_SHARED_S` to either side of it is shown.
         pictures_at_most: of all videos together; of longer ones one of several frames.
 
     ValueError when a file is no readable video, WorkFailed when an artifact is missing.
@@ -119,7 +115,6 @@ def scene(
     alone = read_monocular(result.artifacts)
     level = result.levelled("y")
     shapes = _Shapes(block, model)
-    timeline = _timeline(keypoints, sync, moment_s)
     fingers = len(model.parents) > len(SMPL_JOINTS)
     detected = keypoints.videos
     windows = windows_of([_straight_boxes(v) for v in result], [v.size for v in detected])
@@ -132,57 +127,28 @@ def scene(
             "final": final_motion(video, fingers),
         }
         finals.append(motions["final"])
-        whole, phase_s = Block(), phase_of(sync, keypoints, i)
-        part = slice(None) if moment_s is None else _part(phase_s, timeline)
         answers = {
-            kind: {"shape": shapes.index(motion.betas), **motion_entry(whole, motion)}
+            kind: {"shape": shapes.index(motion.betas), **motion_entry(block, motion)}
             for kind, motion in motions.items()
         }
         pictures = None
         if video.video is not None:
-            frames, lens = video.keypoints.frames[part], video.camera.lens
+            frames, lens = video.keypoints.frames, video.camera.lens
             pictures = picture_entry(block, video.video, frames, every, window, lens)
-        entry = {**_video_entry(whole, result, level, i, alone[i]), "answers": answers}
-        entry = cut(entry, whole, block, len(video), part)
-        videos.append({**entry, "view": list(window), "pictures": pictures})
+        entry = _video_entry(block, result, level, i, alone[i])
+        videos.append({**entry, "answers": answers, "view": list(window), "pictures": pictures})
     return {
         "title": result.action,
         "lead": _lead(sync),
         "legend": _LEGEND + model.name.replace("_", " "),
         "verdict": _verdict_entry(result),
         "reference": sync.reference,
-        "timeline": timeline,
+        "timeline": timeline_entry(keypoints, sync),
         "model": model_entry(block, model),
         "shapes": shapes.entries,
         "videos": videos,
         **_eye(finals, [v["camera"]["centre"] for v in videos], sync),
     }
-
-
-def _timeline(keypoints: Keypoints, sync: SyncSummary, moment_s: float | None) -> dict[str, float]:
-    """The whole common time, or what is near a moment. ValueError where that lies beyond it."""
-    whole = timeline_entry(keypoints, sync)
-    if moment_s is None:
-        return whole
-    if not whole["first"] <= moment_s <= whole["last"]:
-        raise ValueError(
-            f"moment: expected {whole['first']:.2f} to {whole['last']:.2f} s, got {moment_s:.2f}"
-        )
-    first, last = moment_s - _SHARED_S, moment_s + _SHARED_S
-    return {
-        "first": max(first, whole["first"]),
-        "last": min(last, whole["last"]),
-        "step": whole["step"],
-        "shared": moment_s,
-    }
-
-
-def _part(phase_s: Float[np.ndarray, " T"], timeline: Mapping[str, float]) -> slice:
-    """The frames within the timeline, and those beside it: two at least."""
-    first = int(np.searchsorted(phase_s, timeline["first"])) - 1
-    last = int(np.searchsorted(phase_s, timeline["last"], "right")) + 1
-    first = max(0, min(first, len(phase_s) - 2))
-    return slice(first, max(last, first + 2))
 
 
 def _straight_boxes(video: VideoResult) -> Float[np.ndarray, "T 4"]:
@@ -286,19 +252,14 @@ def can_be_viewed(store: Store, action: str) -> bool:
     return all(store.current(action, stage).is_file() for stage in NEEDED)
 
 
-def write_viewer(
-    result: ActionResult,
-    out: Path,
-    progress: Callable[[float, str], None],
-    moment_s: float | None = None,
-) -> bool:
+def write_viewer(result: ActionResult, out: Path, progress: Callable[[float, str], None]) -> bool:
     """Write the page, unless the file is already made from just this; whether it was written.
 
     WorkFailed names the artifact that is missing or unreadable, or the file that can't be written.
     """
     for kind in (CameraMotion, InitialSmpl):
         result.artifacts.get(kind)
-    stamp = _stamp(result, moment_s)
+    stamp = _stamp(result)
     if _made_from(out) == stamp:
         return False
     if out.exists() and out.stat().st_size and not _is_viewer(out):
@@ -306,7 +267,7 @@ def write_viewer(
     block = Block()
     try:
         hands = any(video.hands is not None for video in result)
-        header = scene(result, body_model_of(result.videos[0], hands), block, progress, moment_s)
+        header = scene(result, body_model_of(result.videos[0], hands), block, progress)
     except ValueError as error:
         raise WorkFailed(f"{result.action}: {error}") from None
     progress(0.95, "writing")
@@ -327,9 +288,9 @@ def unfinished_viewer(result: ActionResult) -> str:
     return viewer.page(scene(result, model, block, pictures_at_most=_OF_DRAFT), block, "")
 
 
-def _stamp(result: ActionResult, moment_s: float | None) -> str:
+def _stamp(result: ActionResult) -> str:
     """Digest of all that the page is made from; of videos, their sizes."""
-    total = hashlib.sha256(f"{viewer.sources()} {moment_s}".encode())
+    total = hashlib.sha256(viewer.sources().encode())
     stages = [result.artifacts.stored(stage) for stage in (*NEEDED, "uncertainty", "hands")]
     for stored in stages:
         total.update(b"" if stored is None else stored.digest.encode())

@@ -37,7 +37,6 @@ QUICK = replace(
     sync=replace(PARAMS.sync, consensus_rounds=1),
     motion=replace(PARAMS.motion, rounds=1, max_steps=1),
     refine=replace(PARAMS.refine, max_rounds=1),
-    hands=replace(PARAMS.hands, max_steps=1),
 )
 
 

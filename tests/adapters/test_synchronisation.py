@@ -11,6 +11,7 @@ from imocap_core.artifacts.schemas import Keypoints, Sync
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from tests.made_keypoints import made_keypoints
+from tests.sync.made_motions import view_of
 from tests.sync.test_synchronise import PARAMS as SYNC_PARAMS
 from tests.sync.test_synchronise import pose_at
 
@@ -105,8 +106,7 @@ def filmed(keypoints: Keypoints, joints: list[np.ndarray], azimuths: list[float]
     """The keypoints of motions seen from several sides, far enough for a scaled projection."""
     videos = []
     for video, xyz, azimuth in zip(keypoints.videos, joints, azimuths, strict=True):
-        c, s = np.cos(azimuth), np.sin(azimuth)
-        turned = xyz @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+        turned = view_of(xyz, azimuth)
         xy = np.full((*video.confidence.shape, 2), np.nan)
         for column, name in enumerate(layout_names(video.layout)):
             if name in SMPL_JOINTS:

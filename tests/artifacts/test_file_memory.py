@@ -1,6 +1,5 @@
 """A file is read again when, and only when, it may have changed."""
 
-import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -133,23 +132,6 @@ def test_nothing_is_made_where_there_is_no_store(tmp_path, reader, forget):
 def test_a_missing_file_is_an_error(tmp_path, reader, forget):
     with pytest.raises(FileNotFoundError):
         remembered("text", tmp_path / "nowhere", reader)
-
-
-def test_a_full_disk_leaves_no_draft(tmp_path, reader, forget, monkeypatch):
-    file = tmp_path / "a.txt"
-    file.write_text("text")
-    os.utime(file, (LONG_AGO_S, LONG_AGO_S))
-    remembered("text", file, reader)
-
-    def full(descriptor: int) -> None:
-        raise OSError(errno.ENOSPC, "no room")
-
-    with monkeypatch.context() as patched:
-        patched.setattr(os, "fsync", full)
-        save_memory(tmp_path)
-    assert list((tmp_path / ".cache").iterdir()) == []
-    save_memory(tmp_path)
-    assert [path.name for path in (tmp_path / ".cache").iterdir()] == ["files.json"]
 
 
 @pytest.mark.parametrize(("limit", "most"), [("MAX_FOLDER_FILES", 3), ("MAX_FOLDER_BYTES", 30)])

@@ -13,7 +13,7 @@ from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.artifacts.side_files import check_names, replace_folder
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
-from tests.fuzz.recoded import VIDEO
+from tools.fuzz.recoded import VIDEO
 
 OUTSIDE = (
     "../x",

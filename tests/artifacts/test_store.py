@@ -12,13 +12,11 @@ import pytest
 from imocap_core.artifacts import side_files
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import (
-    CachedResult,
     Store,
     Stored,
     cached_results,
     leftovers,
     mark_used,
-    removable,
     remove,
     size_of,
     sweep,
@@ -73,18 +71,6 @@ def test_other_actions_share_results_but_not_the_current_one(store: Store, put: 
 def test_a_lost_cache_is_no_loss_for_the_current_artifact(store: Store, put: Put) -> None:
     put("one")
     store.cached("sync", "one").unlink()
-    assert store.find("yoga", "sync", "one") is not None
-
-
-def test_a_damaged_file_is_no_result(store: Store, put: Put) -> None:
-    stored = put("one")
-    data = bytearray(stored.file.read_bytes())
-    data[len(data) // 2] ^= 4
-    stored.file.write_bytes(data)  # the current artifact is the same file
-    assert store.find("yoga", "sync", "one") is None
-    with pytest.raises(ArtifactCorrupt):
-        store.load("yoga", "sync")
-    put("one")
     assert store.find("yoga", "sync", "one") is not None
 
 
@@ -219,17 +205,6 @@ def publish_at(store: Store, sync: Sync) -> Callable[[str, str], Path]:
     return publish
 
 
-def result(key: str, used_s: float, *, size: int = 10, in_use: bool = False) -> CachedResult:
-    return CachedResult(Path(key), "sync", key, size, used_s, in_use)
-
-
-def test_current_artifacts_are_in_use_and_others_are_not(store, publish_at):
-    publish_at("one", "yoga")
-    publish_at("two", "yoga")
-    publish_at("two", "dance")
-    assert {r.key: r.in_use for r in cached_results(store.folder)} == {"one": False, "two": True}
-
-
 def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(store, publish_at):
     file = publish_at("one", "yoga")
     os.utime(file, (1000.0, 1000.0))
@@ -239,41 +214,6 @@ def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(store, p
     assert file.stat().st_mtime == 1000.0
     mark_used(store.folder, "sync", "gone")
     assert [r.key for r in cached_results(store.folder)] == ["one"]
-
-
-def test_detections_of_existing_actions_are_in_use(store: Store) -> None:
-    files = [store.folder / ".cache" / "detections" / f"{name}.npz" for name in "ab"]
-    files[0].parent.mkdir(parents=True)
-    for file in files:
-        file.write_bytes(b"x")
-    states = {r.key: r.in_use for r in cached_results(store.folder, [files[1]])}
-    assert states == {"a": False, "b": True}
-
-
-def test_only_what_was_not_used_for_so_long_is_removable() -> None:
-    results = [result("a", 0.0), result("b", DAY_S), result("c", 0.0, in_use=True)]
-    old = removable(results, now_s=3 * DAY_S, older_s=2.5 * DAY_S)
-    assert [r.key for r in old] == ["a"]
-    assert removable(results, now_s=3 * DAY_S) == []
-
-
-def test_the_least_recently_used_go_until_the_size_fits() -> None:
-    results = [result(key, k) for k, key in enumerate("abc")]
-    results.append(result("d", 9.0, in_use=True))
-    assert [r.key for r in removable(results, now_s=9.0, max_bytes=25)] == ["a", "b"]
-    assert [r.key for r in removable(results, now_s=9.0, max_bytes=0)] == ["a", "b", "c"]
-    assert removable(results, now_s=9.0, max_bytes=40) == []
-    both = removable(results, now_s=2.5, older_s=2.0, max_bytes=25)
-    assert [r.key for r in both] == ["a", "b"]
-
-
-def test_what_is_removed_can_be_made_again(store, publish_at):
-    old = publish_at("one", "yoga")
-    publish_at("two", "yoga")
-    remove([old])
-    assert not old.exists()
-    assert store.find("yoga", "sync", "one") is None
-    assert publish_at("one", "yoga").exists()
 
 
 def test_leftovers_are_unfinished_files_and_folders(store, publish_at):

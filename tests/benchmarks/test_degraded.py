@@ -1,23 +1,17 @@
 """The benchmark of degraded footage: its pictures, its action folders, its choices, its table."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from benchmarks.degraded import measure as degraded
 from benchmarks.degraded.folders import make_footage
 from benchmarks.degraded.footage import FOOTAGES, THIRDS, degraded_pictures
 from benchmarks.degraded.measure import ACTIONS
-from benchmarks.degraded.tables import DegradedScore
 from benchmarks.detector.degradations import LEGS
 from benchmarks.detector.reference import PARTS, SIDES
-from benchmarks.stability.tables import VariantScore
-from imocap_core.errors import WorkFailed
 from imocap_core.io.video import probe, read_rgb, write_h264
-from imocap_core.workspace import Workspace
 
 FRAMES, SIZE = 12, (112, 96)  # width, height
 VIDEOS = ("v1", "v2", "v3", "v4")
@@ -123,28 +117,3 @@ def test_a_folder_is_made_once_and_again_when_its_source_changes(source: Path) -
     assert made(source, "plain").stat().st_ino == before
     write_h264(source / "videos" / "v1.mp4", pictures()[::-1], 30.0)
     assert made(source, "plain").stat().st_ino != before
-
-
-def score(variant: Any, **more: Any) -> DegradedScore:
-    numbers = {"mpjpe_scaled_mm": 48.17, "pa_mpjpe_mm": 33.7, "sync_error_pct": 0.654}
-    pairs = {"camera_pair_error_deg": 2.0, "sync_pair_error_frames": 0.5}
-    title = variant.footage.degradation.title
-    result = VariantScore(title, numbers | pairs, "cam01", **more)
-    return DegradedScore(variant.action, variant.footage, result, contradicted=7, moved=5)
-
-
-@pytest.fixture
-def workspace(source: Path, monkeypatch: pytest.MonkeyPatch) -> Workspace:
-    """A folder whose data have the first action alone; runs are made up, and blur fails."""
-
-    def one_footage(display: object, variant: Any, folder: Path) -> DegradedScore:
-        assert folder == source
-        if variant.footage.degradation.name == "blur":
-            raise WorkFailed("nobody was detected")
-        excluded = ("cam02",) if variant.footage.extent == "one" else ()
-        return score(variant, excluded=excluded)
-
-    monkeypatch.setenv("IMOCAP_DATA", str(source.parent))
-    monkeypatch.setattr(degraded, "check_detector", lambda root: None)
-    monkeypatch.setattr(degraded, "one_footage", one_footage)
-    return Workspace(source.parents[1])

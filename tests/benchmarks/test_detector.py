@@ -5,14 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.detector.degradations import (
-    DEGRADATIONS,
-    LEGS,
-    halved,
-    hidden_legs,
-    motion_blur,
-    second_person,
-)
+from benchmarks.detector.degradations import DEGRADATIONS, halved, motion_blur, second_person
 from benchmarks.detector.detection_errors import DetectedClip, point_errors, swapped_share
 from benchmarks.detector.detector_bias import detector_bias, swapped_body_share
 from benchmarks.detector.measure import PerformerLimbs, best_shift, errors, score_of
@@ -30,15 +23,6 @@ def limbs(x: float = 60.0) -> np.ndarray:
 
 def picture() -> np.ndarray:
     return np.random.default_rng(0).integers(1, 255, (160, 200, 3)).astype(np.uint8)
-
-
-def test_legs_are_black_in_the_middle_third_alone() -> None:
-    plain = picture()
-    hidden = hidden_legs(plain, limbs(), 0.5)
-    assert all(not hidden[int(y), int(x)].any() for x, y in limbs()[LEGS])
-    assert np.array_equal(hidden[:60], plain[:60])
-    assert np.array_equal(hidden_legs(plain, limbs(), 0.1), plain)
-    assert np.array_equal(hidden_legs(plain, limbs(), 0.9), plain)
 
 
 def test_the_second_person_is_the_first_s_mirror_image_and_leaves_most_of_it() -> None:

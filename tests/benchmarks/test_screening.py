@@ -63,10 +63,3 @@ def test_counts_are_of_what_was_planted() -> None:
     assert mirrored_flipped([near]) == (0, 0)
     assert near_symmetric_flipped([GOOD, near]) == (1, 12)
     assert 0.0 < ASYMMETRIC < 1.0
-
-
-REST = {
-    "ankle": (0.1, 0.0, 0.1), "knee": (0.1, 0.0, 0.5), "hip": (0.1, 0.0, 0.9),
-    "wrist": (0.6, 0.0, 1.1), "elbow": (0.4, 0.0, 1.2), "shoulder": (0.2, 0.0, 1.4),
-    "neck": (0.0, 0.0, 1.45), "head": (0.0, 0.0, 1.65),
-}  # fmt: skip

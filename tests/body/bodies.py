@@ -13,7 +13,6 @@ def made_body(
     vertices: int = 40,
     parents: tuple[int, ...] = PARENTS,
     shapes: int = 10,
-    pose_blend: bool = False,
     dtype: torch.dtype = torch.float64,
 ) -> Model:
     """A random but valid body: weights and regressor rows sum to 1."""
@@ -35,9 +34,6 @@ def made_body(
         J_regressor=tensor(regressor),
         weights=tensor(weights),
         faces=torch.as_tensor(rng.integers(0, vertices, (50, 3))),
-        posedirs=tensor(0.02 * rng.normal(size=(vertices, 3, 9 * (joints - 1))))
-        if pose_blend
-        else None,
     )
 
 
@@ -59,9 +55,6 @@ def skin_naive(
     template, shapedirs = model.v_template.double().numpy(), model.shapedirs.double().numpy()
     shaped = template + shapedirs[..., : len(coefficients)] @ coefficients
     rest = model.J_regressor.double().numpy() @ shaped
-    if model.posedirs is not None:
-        features = (rotations[1:] - np.eye(3)).ravel()
-        shaped = shaped + model.posedirs.double().numpy() @ features
     world = []
     for j, parent in enumerate(model.parents):
         local = np.eye(4)

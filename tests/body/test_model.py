@@ -36,11 +36,10 @@ def pose_of(
     )
 
 
-@pytest.mark.parametrize("pose_blend", [False, True])
 @pytest.mark.parametrize(("dtype", "bound_m"), [(torch.float64, 1e-10), (torch.float32, 1e-5)])
-def test_agrees_with_the_published_formulas(pose_blend, dtype, bound_m):
+def test_agrees_with_the_published_formulas(dtype, bound_m):
     rng = np.random.default_rng(0)
-    model = made_body(rng, pose_blend=pose_blend, dtype=dtype)
+    model = made_body(rng, dtype=dtype)
     theta, transl = pose_of(rng)
     betas = rng.normal(size=10)
     rotations = np.stack([rodrigues_naive(a) for a in theta.numpy()])
@@ -55,11 +54,10 @@ def test_agrees_with_the_published_formulas(pose_blend, dtype, bound_m):
     assert np.abs(posed.keypoints(points_of(model)).numpy() - expected).max() < bound_m
 
 
-@pytest.mark.parametrize("pose_blend", [False, True])
 @pytest.mark.parametrize("betas_leading", [(), (1,), (2, 1), (1, 5), (2, 5)])
-def test_leading_axes_broadcast(pose_blend: bool, betas_leading: tuple[int, ...]) -> None:
+def test_leading_axes_broadcast(betas_leading: tuple[int, ...]) -> None:
     rng = np.random.default_rng(1)
-    model = made_body(rng, pose_blend=pose_blend)
+    model = made_body(rng)
     points = points_of(model)
     theta, transl = pose_of(rng, 2, 5)
     betas = torch.as_tensor(rng.normal(size=(*betas_leading, 10)))
@@ -79,10 +77,9 @@ def test_leading_axes_broadcast(pose_blend: bool, betas_leading: tuple[int, ...]
             torch.testing.assert_close(posed.keypoints(points)[v, t], single[0])
 
 
-@pytest.mark.parametrize("pose_blend", [False, True])
-def test_derivatives_equal_automatic_ones_in_axis_angle(pose_blend: bool) -> None:
+def test_derivatives_equal_automatic_ones_in_axis_angle() -> None:
     rng = np.random.default_rng(3)
-    model = made_body(rng, pose_blend=pose_blend)
+    model = made_body(rng)
     points = points_of(model)
     theta, transl = pose_of(rng)
     betas = torch.as_tensor(rng.normal(size=10))
@@ -97,10 +94,9 @@ def test_derivatives_equal_automatic_ones_in_axis_angle(pose_blend: bool) -> Non
     torch.testing.assert_close(d_shape, by_betas, atol=1e-12, rtol=1e-12)
 
 
-@pytest.mark.parametrize("pose_blend", [False, True])
-def test_joined_sets_of_points_answer_like_each_alone(pose_blend: bool) -> None:
+def test_joined_sets_of_points_answer_like_each_alone() -> None:
     rng = np.random.default_rng(6)
-    model = made_body(rng, pose_blend=pose_blend)
+    model = made_body(rng)
     joints_only = make_points(model, ("a", "b"), ({1: 1.0}, {4: 1.0}), ({}, {}))
     sets = [points_of(model), joints_only, points_of(model)]
     theta, transl = pose_of(rng, 3)

@@ -102,8 +102,7 @@ def test_explain(toy: Toy, capsys: Capture) -> None:
     assert after["params"]["sync"]["method"] == "softmap"
 
 
-def test_doctor_reports_a_fault_in_its_exit_code_too(toy, capsys, monkeypatch):
-    monkeypatch.delenv("IMOCAP_MODELS", raising=False)
+def test_doctor_reports_a_fault_in_its_exit_code_too(toy, capsys):
     good = document(toy, capsys, "doctor")
     assert good["ok"] is True
     assert all(check["works"] for check in good["checks"])

@@ -14,9 +14,9 @@ from imocap_core.io.video import probe, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.sync.repetition import Repetitions
 from imocap_core.sync_sources import labels, read_size, sources_of
-from tests.chaos.small_action import sets
 from tests.io import made_keypoints
 from tests.report.made import FPS, SIZE, Made
+from tools.chaos.small_action import sets
 
 Capture = pytest.CaptureFixture[str]
 

@@ -59,14 +59,6 @@ def page_of(file: Path) -> dict[str, Any]:
     return header
 
 
-def test_equal_performances(made: Made) -> None:
-    """Filmed from two sides, at two frame rates: still one motion."""
-    found = describe(several(performances_of(made.result())))
-    assert found.consistency > 0.999
-    assert np.nanmax(rms(found.spread_mm)) < 2.0  # what lies between frames
-    assert len(found.instances.phase_s) == 28  # that both show
-
-
 def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 10.0))
     found = describe(performances_of(made.result()))

@@ -1,7 +1,6 @@
 """The comparison's page in a real headless Chromium: bodies, curves, sentences, measuring."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,6 @@ from tests.report.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
-CONTRAST = Path(__file__).parents[1] / "pick" / "contrast.js"
-DRAWN = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
 LEFT_ARM = (16, 18, 20)  # shoulder, elbow, wrist
 
 
@@ -51,7 +48,7 @@ def browser(page: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bro
 
 
 def measured(browser: Browser) -> list[str]:
-    browser.value(DRAWN)
+    browser.drawn()
     text: str = browser.value("document.getElementById('measured').textContent")
     return text.splitlines()
 
@@ -67,7 +64,7 @@ def test_a_sentence_leads_to_its_moment_and_its_curves(browser: Browser) -> None
     assert "(raised 20° higher), at " in sentence
     browser.value("imocap.act.angle('right_knee_flexion'); imocap.act.seek(0)")
     browser.value("document.querySelector('#findings button').click()")
-    browser.value(DRAWN)
+    browser.drawn()
     assert browser.value("document.getElementById('angle').value") == "left_shoulder_elevation"
     said = float(sentence.split(" at ")[1].split(" s")[0])
     assert browser.value("imocap.act.state.phase") == pytest.approx(said, abs=0.006)
@@ -125,22 +122,17 @@ def test_every_shown_body_has_its_curve(browser: Browser, page: str) -> None:
         "  n += Math.max(d[i], d[i+1], d[i+2]) - Math.min(d[i], d[i+1], d[i+2]) > 40;"
         "return n; })()"
     )
-    browser.value(DRAWN)
+    browser.drawn()
     both = browser.value(painted)
     browser.key("2")
-    browser.value(DRAWN)
+    browser.drawn()
     assert 0 < browser.value(painted) < 0.8 * both, "one curve of two is left"
     browser.key("2")
     assert '"sd":null' in page
 
 
 def test_it_can_be_read_on_a_phone_and_in_both_themes(browser: Browser) -> None:
-    for theme, ground in (("dark", "rgb(18, 22, 27)"), ("light", "rgb(243, 245, 247)")):
-        scheme = {"name": "prefers-color-scheme", "value": theme}
-        browser.call("Emulation.setEmulatedMedia", features=[scheme])
-        browser.wait(f"getComputedStyle(document.body).backgroundColor === '{ground}'")
-        browser.value(DRAWN)
-        assert browser.value(CONTRAST.read_text()) == []
+    browser.assert_readable(dark="18, 22, 27", light="243, 245, 247")
     browser.resize(390, 844, 2.0)
     browser.wait("document.documentElement.scrollWidth <= 390")
     browser.resize(1000, 700)

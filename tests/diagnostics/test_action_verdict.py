@@ -102,14 +102,6 @@ def test_a_video_that_cannot_be_used_is_named_first(made: Made) -> None:
     assert any(f.place == "v1 frames 3-7" and f.serious for f in verdict.findings)
 
 
-def test_contradicting_times_are_doubted(made: Made) -> None:
-    verdict = judged(made, trust=trusted(made, left_out_s=2 * DOUBTFUL_S))
-    assert not verdict.trusted
-    assert verdict.summary[0].startswith("The timing is doubtful")
-    assert "200 ms" in verdict.summary[0]
-    assert verdict.level == "doubt"
-
-
 @pytest.mark.parametrize(("error", "near"), [(0.03, 0.95), (0.06, 0.95), (0.03, 0.8)])
 def test_times_by_which_the_pictures_are_predicted_are_right(
     made: Made, error: float, near: float

@@ -36,14 +36,6 @@ def test_runs_are_maximal_and_long_enough() -> None:
     assert runs(flags & False, 1) == []
 
 
-def test_a_moving_person_at_one_moment_is_a_collapse() -> None:
-    position = np.arange(150.0)
-    position[60:90] = 60.0
-    (span,) = collapses(position, performance(), FPS)
-    assert (span.first, span.last) == (60, 89)
-    assert span.moment == 60.0
-
-
 def test_standing_still_a_slow_replay_and_unmatched_frames_are_none() -> None:
     position = np.arange(150.0)
     position[60:90] = 60.0

@@ -10,7 +10,7 @@ import torch
 
 from imocap_core import rotations
 from imocap_core.artifacts.schemas import SyncMap
-from imocap_core.camera.projection import Lens
+from imocap_core.camera.projection import Lens, frame_projections
 from imocap_core.figures.overlays import (
     CELL_PX,
     LEFT_RGB,
@@ -41,7 +41,6 @@ from imocap_core.film import (
     Painter,
     overlay_bodies,
     overlay_film,
-    projections,
     source_frames,
 )
 from imocap_core.io.video import write_h264
@@ -213,7 +212,7 @@ def test_a_turning_camera_s_pixels_and_depths_are_those_of_its_own_axes(made: Ma
         update={"H_first_from_frame": 1.7 * H, "R_first_from_frame": R_first_from_frame}
     )
     x_first = np.array([0.3, -0.2, 3.0])
-    seen = projections(camera, K) @ x_first
+    seen = frame_projections(camera.H_first_from_frame, K) @ x_first
     x_frame = np.swapaxes(R_first_from_frame, 1, 2) @ x_first
     np.testing.assert_allclose(seen, x_frame @ K.T, atol=1e-9)
 

@@ -9,14 +9,13 @@ from torch import Tensor
 
 from imocap_core.body import load_free_body
 from imocap_core.hands.hand_fit import FittedHands, fit_hands
-from imocap_core.hands.hand_objective import ArmsAndHands, point_weights
+from imocap_core.hands.hand_objective import ArmsAndHands, HandWeights, point_weights
 from imocap_core.hands.hand_skeleton import ANGLE_NAMES, hand_points, hand_skeleton
 from imocap_core.motion.multiview.timeline import make_timeline
-from imocap_core.params import HandsParams
 from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))
-PARAMS = HandsParams(
+PARAMS = HandWeights(
     robust_scale_sigma=4.0, wrist_rad=0.8, offset_m=0.04, pose_prior=0.3, limit_rad=0.05,
     coupling_rad=0.15, agreement_rad=0.5, acceleration_rad_s2=40.0, offset_acceleration_m_s2=4.0,
     size_spread=0.15, stride_s=0.2, max_steps=15,

@@ -39,8 +39,6 @@ CASES: dict[str, tuple[Write, str, str]] = {  # name: writer, format, layout
     "ultralytics texts": (made.write_ultralytics_texts, "ultralytics", "coco17"),
     "ultralytics folder": (made.write_ultralytics_labels, "ultralytics", "coco17"),
     "dwpose": (made.write_dwpose, "openpose", "coco18"),
-    "tfjs": (made.write_tfjs, "tfjs", "coco17"),
-    "tfjs one person": (made.write_posenet, "tfjs", "coco17"),
     "mediapipe one person": (made.write_landmark_lists, "mediapipe", "mediapipe33"),
     "csv numbered": (made.write_numbered_csv, "npz", "coco17"),
     "csv numbered 133": (made.write_numbered_csv, "npz", "wholebody133"),
@@ -48,7 +46,6 @@ CASES: dict[str, tuple[Write, str, str]] = {  # name: writer, format, layout
     "npy": (made.write_npy, "npz", "halpe26"),
     "mediapipe csv": (made.write_mediapipe_csv, "mediapipe", "mediapipe33"),
     "mediapipe csv named": (made.write_mediapipe_named_csv, "mediapipe", "mediapipe33"),
-    "mediapipe csv long": (made.write_mediapipe_long_csv, "mediapipe", "mediapipe33"),
     "mediapipe csv semicolons": (made.write_mediapipe_semicolons, "mediapipe", "mediapipe33"),
 }
 FILES = [name for name in CASES if "openpose" not in name and "folder" not in name]  # one file each

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -138,12 +137,6 @@ def write_positions(folder: Path, positions: Any, layout_name: str) -> Path:
     return path
 
 
-def _csv(path: Path, rows: list[list[str]]) -> Path:
-    with path.open("w", newline="") as stream:
-        csv.writer(stream).writerows(rows)
-    return path
-
-
 def _json(path: Path, content: Any) -> Path:
     path.write_text(json.dumps(content))
     return path
@@ -201,35 +194,6 @@ def write_dwpose(folder: Path, made: People) -> Path:
         for people in made.values()
     ]  # fmt: skip
     return _json(folder / "dwpose.json", listed)
-
-
-def write_tfjs(folder: Path, made: People) -> Path:
-    """MoveNet's: people with named points."""
-    listed = [
-        [
-            {"score": 0.9, "keypoints": [
-                {"x": x, "y": y, "score": c, "name": name}
-                for name, (x, y, c) in zip(layout_names("coco17"), np.nan_to_num(p).tolist(),
-                                           strict=True)
-            ]}
-            for p in people
-        ]
-        for people in made.values()
-    ]  # fmt: skip
-    return _json(folder / "movenet.json", listed)
-
-
-def write_posenet(folder: Path, made: People) -> Path:
-    """PoseNet's: one person a frame, parts with positions, in camel case."""
-    parts = [re.sub("_(.)", lambda m: m[1].upper(), name) for name in layout_names("coco17")]
-    listed = [
-        {"score": 0.9, "keypoints": [
-            {"position": {"x": x, "y": y}, "score": c, "part": part}
-            for part, (x, y, c) in zip(parts, np.nan_to_num(people[0]).tolist(), strict=True)
-        ]}
-        for people in made.values()
-    ]  # fmt: skip
-    return _json(folder / "posenet.json", listed)
 
 
 def write_landmark_lists(folder: Path, made: People) -> Path:
@@ -319,16 +283,6 @@ def write_mediapipe_named_csv(folder: Path, made: People) -> Path:
     return _csv(
         folder / "pose.csv", [heading, *(_shares(people[0]).ravel() for people in made.values())]
     )
-
-
-def write_mediapipe_long_csv(folder: Path, made: People) -> Path:
-    rows = [
-        [frame, k, *row]
-        for frame, people in made.items()
-        for k, row in enumerate(_shares(people[0]))
-    ]
-    heading = ["frame", "landmark_id", "x", "y", "z", "visibility"]
-    return _csv(folder / "pose.csv", [heading, *rows])
 
 
 def write_mediapipe_semicolons(folder: Path, made: People) -> Path:

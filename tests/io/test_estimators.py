@@ -14,12 +14,11 @@ import pytest
 import torch
 
 from imocap_core.body.layouts import hand_columns, layout_names
-from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS
+from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.io.readers.estimates import PerformerBoxes
 from imocap_core.io.readers.joint_estimators import NAMES
 from imocap_core.io.readers.keypoint_readers import format_and_layout
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS, ROTATIONS
-from imocap_core.rotations import exp
 from tests.io import made_estimates as made
 from tests.io.detector_cases import read as read_keypoints
 from tests.io.detector_cases import refused as refused_keypoints
@@ -314,41 +313,3 @@ def test_a_sam3d_file_of_something_else_is_refused(content: str, tmp_path: Path)
     path.write_text(content)
     refused_keypoints(path, KIND, LAYOUT)
     refused_keypoints(path, KIND, "coco17")
-
-
-# SOMA's tree, of which fingers, face and ends of limbs are left out: number, parent.
-SOMA_TREE = {
-    **{0: None, 1: 0, 2: 1, 3: 2, 4: 3, 5: 4, 6: 5},  # hips, spine, chest, two of the neck, head
-    **{11: 3, 12: 11, 13: 12, 14: 13, 39: 3, 40: 39, 41: 40, 42: 41},  # arms
-    **{67: 0, 68: 67, 69: 68, 70: 69, 72: 0, 73: 72, 74: 73, 75: 74},  # legs
-}
-SMPL_BONES = {
-    **{"pelvis": 0, "spine1": 1, "spine2": 2, "spine3": 3, "neck": 4, "head": 6},
-    **{"left_collar": 11, "left_shoulder": 12, "left_elbow": 13, "left_wrist": 14},
-    **{"right_collar": 39, "right_shoulder": 40, "right_elbow": 41, "right_wrist": 42},
-    **{"left_hip": 67, "left_knee": 68, "left_ankle": 69, "left_foot": 70},
-    **{"right_hip": 72, "right_knee": 73, "right_ankle": 74, "right_foot": 75},
-}
-
-
-def test_bones_of_soma_are_turned_as_smpls(tmp_path: Path) -> None:
-    """GEM-X's file: in camera axes every bone has the rotation that it has in SOMA's tree."""
-    vectors = torch.as_tensor(np.random.default_rng(3).normal(scale=0.4, size=(made.FRAMES, 77, 3)))
-    in_camera = {
-        "global_orient": vectors[:, 0].float(),
-        "body_pose": vectors[:, 1:].reshape(made.FRAMES, 228).float(),
-        "transl": torch.zeros(made.FRAMES, 3),
-        "identity_coeffs": torch.zeros(made.FRAMES, 45),
-        "scale_params": torch.zeros(made.FRAMES, 69),
-    }
-    torch.save({"body_params_incam": in_camera}, tmp_path / "hpe_results.pt")
-    local = read("gem", tmp_path / "hpe_results.pt")
-    soma, smpl = exp(vectors).numpy()[1:-1], {}
-    turned: dict[int | None, np.ndarray] = {None: np.eye(3)}
-    for joint, parent in SOMA_TREE.items():
-        turned[joint] = turned[parent] @ soma[:, joint]
-    for j, (name, parent) in enumerate(zip(SMPL_JOINTS, SMPL_PARENTS, strict=True)):
-        smpl[j] = local[:, j] if parent < 0 else smpl[parent] @ local[:, j]
-        if name in SMPL_BONES:
-            np.testing.assert_allclose(smpl[j], turned[SMPL_BONES[name]], atol=1e-5, err_msg=name)
-    assert len(SMPL_BONES) == 22

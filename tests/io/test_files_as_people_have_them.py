@@ -222,7 +222,7 @@ REFUSED: dict[str, tuple[Make, str]] = {
     "FreeMoCap's file of three cameras": (
         lambda d: array(d, np.ones((3, 5, 33, 2))), "3 times 5, as FreeMoCap's .*; save each camera"
     ),
-    "17 numbered points, a row each": (numbered_points, "expected MediaPipe's 33 landmarks by"),
+    "17 numbered points, a row each": (numbered_points, "`imocap formats` lists"),
     "a folder of cameras": (cameras, "found folders of them; name one: 01, 02"),
     "an empty file": (named("a.json", ""), "is empty; run the detector again"),
     "a page instead of a file": (named("a.json", "<html>"), "is not JSON .*; run the detector"),

@@ -61,7 +61,6 @@ def test_the_free_bodys_skin_needs_no_more_than_four_joints() -> None:
     full = np.zeros(made.shaped.model.weights.shape)
     np.add.at(full, (np.arange(len(full))[:, None], skin.joints), skin.weights)
     np.testing.assert_allclose(full, made.shaped.model.weights.numpy(), atol=1e-9)
-    assert made.shaped.model.posedirs is None
 
 
 def test_normals_point_out_of_the_body() -> None:

@@ -24,7 +24,7 @@ from imocap_core.io.video import (
     write_h264,
 )
 from tests.io.made_times import write_timed
-from tests.io.made_videos import FPS, level, turn, write_video
+from tests.io.made_videos import FPS, level, write_video
 
 
 def clip(count=7, height=48, width=64):
@@ -110,13 +110,6 @@ def refused(path):
         check_video(path)
     assert str(caught.value).startswith(f"{path}: ")
     return str(caught.value).removeprefix(f"{path}: ")
-
-
-@pytest.mark.parametrize("content", ["hello", "1\n00:00:01,000 --> 00:00:02,000\nhé\n", "a,b\n1,2"])
-@pytest.mark.parametrize("suffix", ["mp4", "txt", "srt"])
-def test_text(tmp_path, content, suffix):
-    (tmp_path / f"a.{suffix}").write_text(content, encoding="utf-8")
-    assert refused(tmp_path / f"a.{suffix}") == "expected a video, got text"
 
 
 def test_text_whose_last_letter_is_cut(tmp_path):
@@ -234,15 +227,6 @@ def test_every_compression_is_read_back(tmp_path, name, codec):
     assert (info.size, info.frame_count) == ((96, 64), 10)
     assert info.fps == pytest.approx(FPS, abs=0.01)
     assert np.allclose(left_levels(path), [level(n) for n in range(10)], atol=6)
-
-
-def test_a_sideways_picture_is_turned_upright(tmp_path):
-    path = write_video(tmp_path / "a.mp4")
-    turn(path)
-    assert probe(path).size == (64, 96)
-    upright = next(read_gray(path))[1]
-    assert upright.shape == (96, 64)
-    assert abs(upright[:40].mean() - upright[56:].mean()) > 30  # the halves are above each other
 
 
 def test_frames_before_an_edit_list_do_not_count(tmp_path):

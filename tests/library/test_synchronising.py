@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import imocap
-from tests.chaos.small_action import quick
 from tests.report.made import FPS, SIZE
+from tools.chaos.small_action import quick
 
 FAST = {f"{group}.{name}": value for group, name, value in quick() if group == "initial_smpl"}
 

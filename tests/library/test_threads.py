@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 
-from tests.chaos.run import vary_threads
-from tests.chaos.small_action import SmallAction
+from tools.chaos.run import vary_threads
+from tools.chaos.small_action import SmallAction
 
 
 @pytest.mark.long

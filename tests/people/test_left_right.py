@@ -29,14 +29,15 @@ def walker(frames: int = 90, noise_px: float = 1.0, seed: int = 0) -> np.ndarray
     return xy + rng.normal(0, noise_px, xy.shape)
 
 
+def swapped(xy: np.ndarray, limb: list[tuple[int, int]], first: int, last: int) -> np.ndarray:
+    out = xy.copy()
+    for left, right in limb:
+        out[first : last + 1, [left, right]] = xy[first : last + 1, [right, left]]
+    return out
+
+
 def with_swapped(xy: np.ndarray, begin: int, end: int) -> np.ndarray:
-    swapped = xy.copy()
-    for left, right in LEGS:
-        swapped[begin:end, left], swapped[begin:end, right] = (
-            xy[begin:end, right],
-            xy[begin:end, left],
-        )
-    return swapped
+    return swapped(xy, LEGS, begin, end - 1)
 
 
 SIZE = np.full(90, 300.0)
@@ -94,9 +95,8 @@ def test_limbs_of_layouts() -> None:
     assert [len(pairs) for pairs in limbs_of(layout_names("body25"))] == [3, 6, 2]
 
 
-ARMS, LEG_PAIRS = limbs_of(NAMES)[:2]
+ARMS = limbs_of(NAMES)[0]
 FRAMES = 90
-HEIGHT_PX = np.full(FRAMES, 300.0)
 HALF_WIDTH_PX = {
     **{"shoulder": 30.0, "elbow": 38.0, "wrist": 42.0},
     **{"hip": 20.0, "knee": 22.0, "ankle": 20.0},
@@ -117,18 +117,11 @@ def dancer(twist_deg: float = 0.0, turn_deg: float = 0.0, noise_px: float = 1.0)
     return xy + rng.normal(0, noise_px, xy.shape)
 
 
-def swapped(xy: np.ndarray, limb: list[tuple[int, int]], first: int, last: int) -> np.ndarray:
-    out = xy.copy()
-    for left, right in limb:
-        out[first : last + 1, [left, right]] = xy[first : last + 1, [right, left]]
-    return out
-
-
 @pytest.mark.parametrize("limb", [0, 1])
 @pytest.mark.parametrize("span", [(20, 22), (10, 75), (0, 39)])
 def test_a_limb_swapped_alone_is_told(limb: int, span: tuple[int, int]) -> None:
-    given = swapped(dancer(), (ARMS, LEG_PAIRS)[limb], *span)
-    frames = swapped_arms_and_legs(given, HEIGHT_PX, NAMES)
+    given = swapped(dancer(), (ARMS, LEGS)[limb], *span)
+    frames = swapped_arms_and_legs(given, SIZE, NAMES)
     expected = np.zeros((2, FRAMES), dtype=bool)
     expected[limb, span[0] : span[1] + 1] = True
     np.testing.assert_array_equal(frames, expected)
@@ -137,33 +130,33 @@ def test_a_limb_swapped_alone_is_told(limb: int, span: tuple[int, int]) -> None:
 @pytest.mark.parametrize("twist_deg", [0.0, 45.0, -80.0])
 @pytest.mark.parametrize("turn_deg", [0.0, 90.0, 150.0])
 def test_what_a_trunk_can_do_stays(twist_deg: float, turn_deg: float) -> None:
-    assert not swapped_arms_and_legs(dancer(twist_deg, turn_deg), HEIGHT_PX, NAMES).any()
+    assert not swapped_arms_and_legs(dancer(twist_deg, turn_deg), SIZE, NAMES).any()
 
 
 def test_a_swap_of_all_limbs_is_not_judged() -> None:
-    both = swapped(swapped(dancer(), ARMS, 30, 60), LEG_PAIRS, 30, 60)
-    assert not swapped_arms_and_legs(both, HEIGHT_PX, NAMES).any()
+    both = swapped(swapped(dancer(), ARMS, 30, 60), LEGS, 30, 60)
+    assert not swapped_arms_and_legs(both, SIZE, NAMES).any()
 
 
 def test_noise_in_a_side_view_swaps_nothing() -> None:
-    assert not swapped_arms_and_legs(dancer(turn_deg=90.0, noise_px=4.0), HEIGHT_PX, NAMES).any()
+    assert not swapped_arms_and_legs(dancer(turn_deg=90.0, noise_px=4.0), SIZE, NAMES).any()
 
 
 def test_legs_that_jump_past_each_other_are_not_swapped_from_there_on() -> None:
     """Seen from the side the trunk tells nothing, and the legs' jump alone is no reason."""
     given = dancer(turn_deg=90.0)
-    for left, right in LEG_PAIRS[1:]:
+    for left, right in LEGS[1:]:
         apart = np.where(np.arange(FRAMES) < FRAMES // 2, 40.0, -40.0)
         given[:, left, 0] += apart
         given[:, right, 0] -= apart
-    assert not swapped_arms_and_legs(given, HEIGHT_PX, NAMES).any()
+    assert not swapped_arms_and_legs(given, SIZE, NAMES).any()
 
 
 def test_missing_joints_and_layouts_without_a_trunk() -> None:
     given = swapped(dancer(), ARMS, 30, 60)
     given[40:44, ARMS[0][0]] = np.nan
-    frames = swapped_arms_and_legs(given, HEIGHT_PX, NAMES)
+    frames = swapped_arms_and_legs(given, SIZE, NAMES)
     np.testing.assert_array_equal(np.flatnonzero(frames[0]), np.arange(30, 61))
     legless = [n for n in NAMES if "hip" not in n]
     columns = [NAMES.index(n) for n in legless]
-    assert not swapped_arms_and_legs(given[:, columns], HEIGHT_PX, legless).any()
+    assert not swapped_arms_and_legs(given[:, columns], SIZE, legless).any()

@@ -15,7 +15,6 @@ from tests.report.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
-CONTRAST = Path(__file__).with_name("contrast.js")
 TAB, ENTER, LEFT, RIGHT, DOWN, DELETE = 9, 13, 37, 39, 40, 46
 
 
@@ -242,17 +241,8 @@ def test_everything_by_keyboard(page: Page) -> None:
 
 def test_everything_can_be_read(page: Page) -> None:
     """Names for screen readers, and a contrast of at least 4.5 (WCAG 2.2, 1.4.3) in both themes."""
-    tree = page.browser.call("Accessibility.getFullAXTree")["nodes"]
-    roles = {"button", "slider", "combobox", "checkbox", "link", "textbox"}
-    nodes = [n for n in tree if n.get("role", {}).get("value") in roles and not n.get("ignored")]
-    assert len(nodes) > 25
-    assert [n for n in nodes if not n.get("name", {}).get("value")] == []
-    for theme, ground in (("light", "rgb(241, 244, 247)"), ("dark", "rgb(19, 23, 28)")):
-        scheme = {"name": "prefers-color-scheme", "value": theme}
-        page.browser.call("Emulation.setEmulatedMedia", features=[scheme])
-        body = page.browser.value("getComputedStyle(document.body).backgroundColor")
-        assert body == ground
-        assert page.browser.value(CONTRAST.read_text()) == []
+    page.browser.assert_named("button", "slider", "combobox", "checkbox", "link", "textbox")
+    page.browser.assert_readable(light="241, 244, 247", dark="19, 23, 28")
 
 
 def test_a_phone_and_a_finger(page: Page) -> None:

@@ -135,18 +135,6 @@ def test_a_lost_report_comes_back(toy: Toy) -> None:
     assert (toy.root / "artifacts" / "toy" / "report" / "index.md").is_file()
 
 
-def test_a_changed_report_comes_back_beside_what_somebody_made_of_it(toy: Toy) -> None:
-    toy.imocap(["run", "toy"])
-    aged(toy)
-    toy.imocap(["run", "toy"])
-    page = toy.root / "artifacts" / "toy" / "report" / "index.md"
-    as_made = page.read_bytes()
-    page.write_text("mine")
-    toy.imocap(["run", "toy"])
-    assert page.read_bytes() == as_made
-    assert page.with_name("index.md~").read_text() == "mine"
-
-
 def test_a_killed_run_continues_and_what_it_left_is_swept(toy: Toy) -> None:
     folder = toy.root / "artifacts"
     assert toy.apart("run", "toy", TOY_SCALE="kill")[0] == -signal.SIGKILL

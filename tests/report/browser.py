@@ -6,6 +6,7 @@ import base64
 import fcntl
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -28,6 +29,7 @@ FLAGS = (
     "--remote-debugging-pipe",
 )
 PATIENCE_S = 60.0
+CONTRAST = Path(__file__).with_name("contrast.js")
 
 
 class Browser:
@@ -118,6 +120,33 @@ class Browser:
         while not self.value(expression):
             assert time.monotonic() < end, f"never came true: {expression}"
             time.sleep(0.05)
+
+    def drawn(self) -> None:
+        """Wait until what was asked for has been drawn."""
+        self.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+
+    def assert_readable(self, **grounds: str) -> None:
+        """In each theme, whose ground is named, all texts have a contrast of at least 4.5 (WCAG
+        2.2, 1.4.3)."""
+        for theme, ground in grounds.items():
+            scheme = {"name": "prefers-color-scheme", "value": theme}
+            self.call("Emulation.setEmulatedMedia", features=[scheme])
+            self.wait(f"getComputedStyle(document.body).backgroundColor === 'rgb({ground})'")
+            self.drawn()
+            assert self.value(CONTRAST.read_text()) == []
+
+    def assert_named(self, *roles: str) -> None:
+        """Screen readers are told a name of everything that has one of the roles."""
+        tree = self.call("Accessibility.getFullAXTree")["nodes"]
+        nodes = [n for n in tree if n.get("role", {}).get("value") in roles]
+        nodes = [n for n in nodes if not n.get("ignored")]
+        assert len(nodes) > 25
+        assert [n for n in nodes if not n.get("name", {}).get("value")] == []
+
+    def sheets(self) -> int:
+        """On how many sheets the page is printed."""
+        printed = self.call("Page.printToPDF", preferCSSPageSize=True)["data"]
+        return len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed)))
 
     def resize(self, width: int, height: int, density: float = 1.0) -> None:
         """The size of the page's window in CSS pixels."""

@@ -93,12 +93,11 @@ def page_of(
     files: dict[str, Path] | None = None,
     sync: Sync | None = None,
     camera_motion: CameraMotion | None = None,
-    moment_s: float | None = None,
 ) -> Page:
     result, block = result_of(made, hands, sync, camera_motion, name), Block()
     videos = tuple(replace(v, video=(files or {}).get(v.id)) for v in result.videos)
     result = replace(result, videos=videos)
-    header = scene(result, load_free_body(hands=hands), block, moment_s=moment_s)
+    header = scene(result, load_free_body(hands=hands), block)
     return Page(viewer.page(header, block, "0123abcd"))
 
 

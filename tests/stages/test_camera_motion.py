@@ -38,7 +38,7 @@ def keypoints_of(video, first=0, focal_px=None, distortion=None):
     return Keypoints(videos=[video])
 
 
-def run(folder, keypoints):
+def run(folder, keypoints, params=PARAMS):
     declared = Declaration(id="v1", video=keypoints.videos[0].video, fps=30.0, size=SIZE,
                            keypoints="k", format="openpose", layout="body25")  # fmt: skip
     context = Context(
@@ -50,7 +50,7 @@ def run(folder, keypoints):
         _action=Action(folder, "made", (declared,)),
     )
     inputs = Inputs("camera_motion", {}, {Keypoints: keypoints})
-    return camera_motion.run(context, inputs, PARAMS).videos[0]
+    return camera_motion.run(context, inputs, params).videos[0]
 
 
 @pytest.fixture(scope="module")

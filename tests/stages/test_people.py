@@ -99,29 +99,23 @@ def test_a_person_is_named_in_one_way(given: dict[str, object], message: str) ->
         Person.model_validate(given)
 
 
-@pytest.mark.parametrize(("layouts", "frames"), [(("mediapipe33",), 0), (("coco17",), 3)])
-def test_by_default_sides_are_put_back_for_detectors_that_swap_them(layouts, frames, monkeypatch):
+@pytest.mark.parametrize(
+    ("sides", "layouts", "repaired"),
+    [
+        ("leave", ("coco17",), False), ("repair", ("mediapipe33",), True),
+        ("auto", ("mediapipe33",), False), ("auto", ("coco17",), True),
+    ],
+)  # fmt: skip
+def test_sides_are_put_back_when_asked_for_and_for_detectors_that_swap_them(
+    sides, layouts, repaired, monkeypatch
+):
     monkeypatch.setattr("imocap_core.adapters.tracked_people.SWAPPING_LAYOUTS", layouts)
     wrong = PERFORMER.copy()
     for left, right in ((11, 12), (13, 14), (15, 16)):
         wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
-    params = replace(PARAMS, sides="auto")
-    (performers,) = choose_performers([tracked("v1", wrong)], FILE, params)
-    assert ("put back in 3 frames" in performers.note) == (frames == 3)
-
-
-def test_sides_are_put_back_only_when_asked_for() -> None:
-    wrong = PERFORMER.copy()
-    legs = [(11, 12), (13, 14), (15, 16)]
-    for left, right in legs:
-        wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
-    left_alone, put_back = (
-        choose_performers([tracked("v1", wrong)], FILE, replace(PARAMS, sides=sides))[0]
-        for sides in ("leave", "repair")
-    )
-    np.testing.assert_allclose(left_alone.xy_px, wrong[..., :2])
-    np.testing.assert_allclose(put_back.xy_px, PERFORMER[..., :2])
-    assert "put back in 3 frames" in put_back.note
+    (chosen,) = choose_performers([tracked("v1", wrong)], FILE, replace(PARAMS, sides=sides))
+    np.testing.assert_allclose(chosen.xy_px, (PERFORMER if repaired else wrong)[..., :2])
+    assert ("put back in 3 frames" in chosen.note) == repaired
 
 
 def test_every_selection_follows_its_own_person() -> None:

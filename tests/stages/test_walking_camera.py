@@ -12,11 +12,9 @@ from imocap_core.alignment import similarity
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.io.video import write_h264
 from imocap_core.params import CameraMotionParams, Params
-from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.make_demo import demo_body
-from imocap_core.pipeline.stage import Context, Inputs
-from stages import camera_motion
 from tests.made_keypoints import made_keypoints
+from tests.stages.test_camera_motion import run
 
 SIZE = (400, 226)
 
@@ -36,22 +34,10 @@ def film(tmp_path_factory):
     return folder, Keypoints(videos=[video]), clip
 
 
-def run(folder, keypoints, params=None):
-    declared = Declaration(id="v1", video="v1.mp4", fps=7.5, size=SIZE, keypoints="k",
-                           format="openpose", layout="body25")  # fmt: skip
-    context = Context(
-        stage="camera_motion", seed=0, reads=frozenset(("videos",)),
-        progress=lambda share, what: None, report=folder,
-        _action=Action(folder, "made", (declared,)),
-    )  # fmt: skip
-    inputs = Inputs("camera_motion", {}, {Keypoints: keypoints})
-    return camera_motion.run(context, inputs, params or Params()).videos[0]
-
-
 @pytest.mark.skipif(find_spec("pycolmap") is None, reason="needs the extra `moving` (pycolmap)")
 def test_a_walk_has_its_path_and_focal_length(film):
     folder, keypoints, clip = film
-    camera = run(folder, keypoints)
+    camera = run(folder, keypoints, Params())
     true = clip.camera.centres
     assert (camera.motion, camera.focal_source) == ("translating", "structure")
     assert camera.K[0, 0] == pytest.approx(clip.camera.K[0, 0], rel=0.03)

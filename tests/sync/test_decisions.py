@@ -31,6 +31,7 @@ from imocap_core.sync.screening.pose_evidence import (
 )
 from imocap_core.sync.screening.registration import Keypoints2D, unbiased_directions
 from imocap_core.sync.screening.screening import Screening, sentences
+from tests.sync.made_motions import view_of
 from tests.sync.test_registration import filmed, motion_of
 from tests.sync.test_screening import TWINS
 from tests.sync.test_synchronise import pose_at
@@ -38,15 +39,9 @@ from tests.sync.test_synchronise import pose_at
 AZIMUTHS = (0.0, 1.2, 2.4, 3.9)
 
 
-def turned(motion: np.ndarray, azimuth: float) -> np.ndarray:
-    """A motion in the axes of the camera of `filmed`."""
-    c, s = np.cos(azimuth), np.sin(azimuth)
-    return np.asarray(motion @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T)
-
-
 def videos_of(motion: np.ndarray) -> list[ScreenedVideo]:
     """Four videos of a motion with the right monocular fits."""
-    return [ScreenedVideo(turned(motion, a), filmed(motion, a)) for a in AZIMUTHS]
+    return [ScreenedVideo(view_of(motion, a), filmed(motion, a)) for a in AZIMUTHS]
 
 
 def decided(videos: list[ScreenedVideo], **given: object) -> Decisions:
@@ -86,7 +81,7 @@ def test_a_mirrored_video_is_mirrored_whatever_its_fit(where: int) -> None:
 @pytest.mark.parametrize("where", [pytest.param(0, marks=pytest.mark.long), 3])
 def test_a_stranger_is_an_outlier_unless_it_must_stay_or_nobody_looks(where: int) -> None:
     videos = videos_of(motion_of(1))
-    videos[where] = ScreenedVideo(turned(motion_of(2), 0.5), filmed(motion_of(2), 0.5))
+    videos[where] = ScreenedVideo(view_of(motion_of(2), 0.5), filmed(motion_of(2), 0.5))
     result = decided(videos)
     assert result.outliers == (where,)
     assert result.score[where] > LARGEST_SCORE
@@ -173,7 +168,7 @@ def test_another_action_from_the_same_pose_is_still_another_action() -> None:
     pose = motion_of(1).mean(axis=0)
     other = pose + 0.6 * (motion_of(2) - motion_of(2).mean(axis=0))
     videos = videos_of(motion_of(1))
-    videos[2] = ScreenedVideo(turned(other, 0.5), filmed(other, 0.5))
+    videos[2] = ScreenedVideo(view_of(other, 0.5), filmed(other, 0.5))
     assert decided(videos).outliers == (2,)
 
 
@@ -192,7 +187,7 @@ def test_the_common_motion_is_nearer_to_the_truth_than_flattened_fits() -> None:
     bent = [ScreenedVideo(x, k) for x, k in zip(flat, films, strict=True)]
     residuals = pair_residuals(bent, TWINS).plain
     common = motions_without(flat, films, residuals, unbiased_directions())
-    truths = [turned(motion, a) for a in AZIMUTHS]
+    truths = [view_of(motion, a) for a in AZIMUTHS]
 
     def error(estimate: np.ndarray) -> float:
         """Distance to the motion in the axes of whichever camera it is given in."""

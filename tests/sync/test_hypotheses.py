@@ -20,7 +20,7 @@ from imocap_core.sync.hypotheses import (
     swapped_keypoints,
     with_swapped_sides,
 )
-from imocap_core.sync.screening.registration import Keypoints2D
+from tests.sync.made_motions import filmed, view_of, wandering
 
 DEPTH = np.array([1.0, 1.0, -1.0])
 
@@ -53,27 +53,8 @@ def test_twelve_videos_are_searched() -> None:
     assert best_labellings(unary, pairs, margin=0.0)[0].labels == tuple(v % 4 for v in range(12))
 
 
-def motion_of(seed: int) -> np.ndarray:
-    """Joints (T, J, 3) that wander smoothly, each in its own way."""
-    rng = np.random.default_rng(seed)
-    start, first, second = rng.normal(size=(3, 12, 3))
-    t = np.linspace(0.0, 1.0, 45)[:, None, None]
-    return start + first * np.sin(4 * t) + second * np.cos(5 * t)
-
-
-def view_of(motion: np.ndarray, azimuth: float) -> np.ndarray:
-    """The motion in the axes of a level camera at an azimuth."""
-    c, s = np.cos(azimuth), np.sin(azimuth)
-    return motion @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
-
-
-def filmed(motion: np.ndarray) -> Keypoints2D:
-    xy = 900 * motion[..., :2] / (motion[..., 2:] + 30.0) + 300
-    return Keypoints2D(xy, np.ones(xy.shape[:2]))
-
-
 def test_reversed_depth_does_not_agree_with_a_right_motion() -> None:
-    a, b = view_of(motion_of(3), 0.3), view_of(motion_of(3), 1.5)
+    a, b = view_of(wandering(3, 12, 45), 0.3), view_of(wandering(3, 12, 45), 1.5)
     of_a, of_b = (
         [Hypothesis3D(x, filmed(right)) for x in (right, right * DEPTH)] for right in (a, b)
     )
@@ -87,7 +68,7 @@ def candidates(wrong: tuple[int, ...], excess: float) -> list[CandidateMotions]:
     """Four videos of one motion; those in `wrong` have its reversed depth as the likeliest."""
     videos = []
     for v, azimuth in enumerate((0.0, 0.9, 2.0, 4.2)):
-        right = view_of(motion_of(7), azimuth)
+        right = view_of(wandering(7, 12, 45), azimuth)
         motions = [right, right * DEPTH]
         ordered = motions[::-1] if v in wrong else motions
         film = filmed(right)
@@ -135,21 +116,14 @@ def test_a_motion_that_the_other_videos_suggested_costs_nothing_to_take() -> Non
 
 
 FRAMES = 45
-
-
-def performance() -> np.ndarray:
-    """Joints (T, 24, 3) that wander smoothly, without any symmetry."""
-    rng = np.random.default_rng(5)
-    start, first, second = rng.normal(size=(3, 24, 3))
-    t = np.linspace(0.0, 1.0, FRAMES)[:, None, None]
-    return start + first * np.sin(4 * t) + second * np.cos(5 * t)
+PERFORMANCE = wandering(5, 24, FRAMES)
 
 
 def videos(states: np.ndarray, count: int = 4) -> list[CandidateMotions]:
     """Views of one performance; in the second the detector swaps sides."""
     out = []
     for v, azimuth in enumerate((0.0, 0.9, 2.0, 4.2)[:count]):
-        motion = view_of(performance(), azimuth)
+        motion = view_of(PERFORMANCE, azimuth)
         film = filmed(motion)
         if v == 1:
             film = swapped_keypoints(film, states, SMPL_JOINTS)

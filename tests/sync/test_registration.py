@@ -13,24 +13,18 @@ from imocap_core.sync.screening.registration import (
     registration_residual,
     unbiased_directions,
 )
+from tests.sync import made_motions
+from tests.sync.made_motions import view_of, wandering
 
 JOINTS, FRAMES = 12, 60
 
 
 def motion_of(seed: int) -> np.ndarray:
-    """Joints (T, J, 3) that wander smoothly, each in its own way."""
-    rng = np.random.default_rng(seed)
-    start, first, second = rng.normal(size=(3, JOINTS, 3))
-    t = np.linspace(0.0, 1.0, FRAMES)[:, None, None]
-    return start + first * np.sin(4 * t) + second * np.cos(5 * t)
+    return wandering(seed, JOINTS, FRAMES)
 
 
 def filmed(motion: np.ndarray, azimuth: float, step: int = 1) -> Keypoints2D:
-    """Seen from some side by a camera that is near enough for perspective to matter a little."""
-    c, s = np.cos(azimuth), np.sin(azimuth)
-    turned = motion[::step] @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
-    xy = 900 * turned[..., :2] / (turned[..., 2:] + 30.0) + 300
-    return Keypoints2D(xy, np.ones(xy.shape[:2]))
+    return made_motions.filmed(view_of(motion[::step], azimuth))
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 1.0, 2.5, 4.0])

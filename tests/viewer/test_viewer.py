@@ -236,28 +236,6 @@ def test_a_stream_of_pictures_is_the_same_each_time_and_sets_out_anew_at_key_pic
         encode_webm([], crf=40, key_every=4)
 
 
-def test_a_page_of_one_moment_has_the_frames_about_it(made: Made, page: Page) -> None:
-    near = page_of(made, moment_s=0.05)
-    assert near.header["timeline"]["shared"] == 0.05
-    assert len(near.text) < len(page.text)
-    for few, all_ in zip(near.header["videos"], page.header["videos"], strict=True):
-        frames, every = near.array(few["frames"], -1), page.array(all_["frames"], -1)
-        first, count = int(np.searchsorted(every, frames[0])), len(frames)
-        within = np.flatnonzero(page.array(all_["phase"], -1) <= 0.3)
-        assert first == 0
-        assert len(within) <= count <= len(within) + 2 < len(every)
-        for entry, whole in (
-            (few["answers"]["final"]["local"], all_["answers"]["final"]["local"]),
-            (few["projected"]["initial"]["xy"], all_["projected"]["initial"]["xy"]),
-            (few["sigma"], all_["sigma"]),
-        ):
-            given = page.array(whole, len(every), -1)[first : first + count]
-            np.testing.assert_array_equal(near.array(entry, count, -1), given)
-        assert few["camera"]["axes"]["count"] in (9, 9 * count)
-    with pytest.raises(ValueError, match=r"moment: expected 0\.00 to .* s, got 9\.00"):
-        page_of(made, moment_s=9.0)
-
-
 def test_windows_hold_every_box_and_lie_in_the_picture() -> None:
     rng = np.random.default_rng(4)
     sizes = [(640, 360), (1080, 1920), (500, 500)]

@@ -14,7 +14,6 @@ from tests.report.made import Made
 from tests.report.viewed import Page, page_of, write_clip
 from tests.viewer.test_viewer import skinned
 
-CONTRAST = Path(__file__).parents[1] / "pick" / "contrast.js"
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
 
@@ -38,7 +37,7 @@ def browser(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Br
 
 def picture(browser: Browser) -> np.ndarray:
     """The scene as shown, BGR."""
-    browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+    browser.drawn()
     found = cv2.imdecode(np.frombuffer(browser.screenshot(), np.uint8), cv2.IMREAD_COLOR)
     x, y, width, height = browser.value(
         "(() => { const r = document.getElementById('stage').getBoundingClientRect();"
@@ -69,7 +68,7 @@ def test_time_moves_while_it_plays_and_rests_when_told(browser: Browser) -> None
     browser.key(" ")
     browser.wait("imocap.act.state.phase > 0.05")
     browser.key(" ")
-    browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+    browser.drawn()
     before = state(browser, "phase")
     browser.value("new Promise(r => setTimeout(r, 150))")
     assert state(browser, "phase") == before
@@ -158,7 +157,7 @@ def test_slider_and_cursors_are_above_one_another(browser: Browser, page: Page) 
     line = page.header["timeline"]
     for share in (0.0, 0.3, 1.0):
         browser.value(f"imocap.act.seek({line['first'] + share * (line['last'] - line['first'])})")
-        browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+        browser.drawn()
         track, lanes = browser.value(
             "['scrub', 'lanes'].map(id => { const r = document.getElementById(id)"
             ".getBoundingClientRect(); return [r.x, r.width]; })"
@@ -246,13 +245,12 @@ def test_curves_of_chosen_joints(browser: Browser) -> None:
         "  n += Math.max(d[i], d[i+1], d[i+2]) - Math.min(d[i], d[i+1], d[i+2]) > 40;"
         "return n; })()"
     )
-    rest = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
     browser.value("imocap.act.state.curves.joints = [21], imocap.act.seek(0.3)")
-    browser.value(rest)
+    browser.drawn()
     one = browser.value(painted)
     assert one > 50
     browser.value("[20, 4, 18].forEach(j => imocap.act.joint(j, true))")
-    browser.value(rest)
+    browser.drawn()
     assert browser.value(painted) > 1.5 * one
     assert "left knee" in browser.value("document.getElementById('chosen').textContent")
     bend = "imocap.curves.course(0, 'final', 4, 'bend')"
@@ -274,11 +272,7 @@ def test_a_picture_is_saved_and_named_by_its_moment(browser: Browser) -> None:
 def test_everything_can_be_read(browser: Browser) -> None:
     """Names for screen readers, and a contrast of at least 4.5 (WCAG 2.2, 1.4.3) in both themes,
     of a pressed button under the pointer too."""
-    tree = browser.call("Accessibility.getFullAXTree")["nodes"]
-    roles = {"button", "slider", "combobox", "checkbox", "image", "toolbar"}
-    nodes = [n for n in tree if n.get("role", {}).get("value") in roles and not n.get("ignored")]
-    assert len(nodes) > 25
-    assert [n for n in nodes if not n.get("name", {}).get("value")] == []
+    browser.assert_named("button", "slider", "combobox", "checkbox", "image", "toolbar")
     canvases = browser.value(
         "[...document.querySelectorAll('canvas')].filter(c => !c.getAttribute('aria-label')).length"
     )
@@ -289,13 +283,9 @@ def test_everything_can_be_read(browser: Browser) -> None:
         "return [b.x + b.width / 2, b.y + b.height / 2]; })()"
     )
     browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-    for theme, ground in (("light", "rgb(243, 245, 247)"), ("dark", "rgb(18, 22, 27)")):
-        scheme = {"name": "prefers-color-scheme", "value": theme}
-        browser.call("Emulation.setEmulatedMedia", features=[scheme])
-        browser.wait(f"getComputedStyle(document.body).backgroundColor === '{ground}'")
-        browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+    for theme, ground in (("light", "243, 245, 247"), ("dark", "18, 22, 27")):
+        browser.assert_readable(**{theme: ground})
         assert browser.value("document.querySelector('#tools button:hover') !== null")
-        assert browser.value(CONTRAST.read_text()) == []
         for color in VIDEO_COLORS:
             ratio = browser.value(
                 "(() => { const ground = imocap.rgb(imocap.theme().paper);"
@@ -377,9 +367,8 @@ def test_the_verdict_is_there_and_its_spans_are_hatched(browser: Browser) -> Non
     assert "nothing checks the timing" in browser.value(
         "document.getElementById('summary').textContent"
     )
-    rest = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
     browser.value("imocap.act.seek(0.4)")
-    browser.value(rest)
+    browser.drawn()
     lanes = "document.getElementById('lanes').toDataURL()"
     before = browser.value(lanes)
     browser.value(
@@ -387,7 +376,7 @@ def test_the_verdict_is_there_and_its_spans_are_hatched(browser: Browser) -> Non
         "{video: 0, first: 0.1, last: 0.2, serious: true, sentence: 'v1 frames 3-6: wrong.'})"
     )
     browser.value("imocap.act.seek(0.4)")
-    browser.value(rest)
+    browser.drawn()
     assert browser.value(lanes) != before
     browser.value("imocap.act.seek(0.15)")
     browser.wait("document.getElementById('legend').textContent === 'v1 frames 3-6: wrong.'")
@@ -404,13 +393,13 @@ def test_a_slider_leads_from_each_video_alone_to_all_together(browser: Browser) 
             "(() => { const s = document.querySelector('#reveal input');"
             f"s.value = {share}; s.dispatchEvent(new Event('input')); }})()"
         )
-        browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+        browser.drawn()
         pelvis.append(browser.value("imocap.actors()[0].joints[0]"))
         assert state(browser, "answer") == ("initial" if share < 0.5 else "final")
         halo = browser.value("imocap.actors()[0].halo?.alpha ?? 0")
         assert halo == pytest.approx(1 - share)
     browser.key("h")
-    browser.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+    browser.drawn()
     sigma_mm = browser.value("imocap.page.videos[0].sigma[24 * imocap.shown()[0] + 4]")
     assert browser.value("imocap.actors()[0].halo.sizes[4]") == pytest.approx(sigma_mm / 1000)
     browser.key("h")

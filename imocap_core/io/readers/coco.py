@@ -1,4 +1,4 @@
-"""Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics, TensorFlow.js.
+"""Keypoints of people by frame: COCO's results, AlphaPose, MMPose, Ultralytics.
 
 docs/formats.md names the files and the fields that are used. Confidences of heat maps may exceed 1
 and then count as 1; an annotation's visibility (0 not labelled, 1 hidden, 2 visible) as 0, 1 and 1.
@@ -16,9 +16,6 @@ Ultralytics' JSON has one entry a frame, a list of people (or its text) with ``k
 visible}, pixels or shares of the picture. Its labels are a folder with a file a frame that has
 people, ``NAME_1.txt`` of the first frame of a video; each row is a class, a box and x, y
 (, confidence) of the points as shares, then possibly a confidence and a track.
-
-TensorFlow.js: one entry a frame, a list of people or a person, each with ``keypoints``: a list of
-{x, y, score, name}, or PoseNet's {position: {x, y}, score, part}, in pixels.
 """
 
 from __future__ import annotations
@@ -39,7 +36,6 @@ from imocap_core.io.readers.people import (
     flat_points,
     frame_number,
     listed,
-    matched_columns,
     must_have_layout,
     numbered_contents,
     numbered_files,
@@ -295,48 +291,3 @@ def points_in(row: list[float], count: int) -> Float[np.ndarray, "K 3"] | None:
             visible = table[:, 2] if width == 3 else (table != 0).any(axis=1)
             return cleaned(np.column_stack([table[:, :2], visible]))
     return None
-
-
-TFJS_LAYOUTS = ("coco17", "mediapipe33")
-
-
-def read_tfjs(path: Path, layout: str) -> DetectedPeople:
-    """All people of all frames. ValueError names file, field, expected and got."""
-    must_have_layout(TFJS_LAYOUTS, layout, "TensorFlow.js", path)
-    people = {
-        frame: [
-            _named_points(person["keypoints"], layout, f"{path}: [{frame}][{n}]")
-            for n, person in enumerate(tfjs_people(entry))
-        ]
-        for frame, entry in enumerate(frames_of(read_json(path), path))
-    }
-    return detections(people, layout, path)
-
-
-def tfjs_people(entry: Any) -> list[dict[str, Any]]:
-    """The people of a frame's entry who have named points."""
-    people = people_of(entry)
-    return [
-        p
-        for p in (people if isinstance(people, list) else [])
-        if isinstance(p, dict) and tfjs_names(p.get("keypoints"))
-    ]
-
-
-def tfjs_names(points: Any) -> list[str]:
-    """The names of a person's points; none where they have none."""
-    if not isinstance(points, list) or not all(isinstance(p, dict) for p in points):
-        return []
-    names = [p.get("name", p.get("part")) for p in points]
-    return names if all(isinstance(name, str) for name in names) else []
-
-
-def _named_points(named: list[Any], layout: str, where: str) -> Float[np.ndarray, "K 3"]:
-    table = np.full((len(layout_names(layout)), 3), np.nan)
-    for column, n in matched_columns(tfjs_names(named), layout, where).items():
-        place = named[n].get("position", named[n])
-        try:
-            table[column] = [place["x"], place["y"], named[n].get("score", 1.0)]
-        except (TypeError, ValueError, LookupError):
-            raise ValueError(f"{where}: expected x, y and score, got {short(named[n])}") from None
-    return cleaned(table)

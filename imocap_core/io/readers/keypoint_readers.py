@@ -20,11 +20,8 @@ from imocap_core.io.readers.coco import (
     read_alphapose,
     read_coco,
     read_mmpose,
-    read_tfjs,
     read_ultralytics,
     rows_of,
-    tfjs_names,
-    tfjs_people,
 )
 from imocap_core.io.readers.keypoint_arrays import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.readers.keypoint_arrays import (
@@ -39,7 +36,6 @@ from imocap_core.io.readers.mediapipe import (
     PICTURE,
     WORLD,
     is_landmarks,
-    is_long,
     landmark_columns,
     points_of_csv,
     read_mediapipe,
@@ -50,7 +46,6 @@ from imocap_core.io.readers.people import (
     LAYOUT_OF_COUNT,
     TABLES,
     DetectedPeople,
-    best_layout,
     cleaned,
     frame_files,
     read_csv,
@@ -142,8 +137,6 @@ def _of_lists(frames: Sequence[Any]) -> Guess | None:
     one_each = [[entry, *entry] if isinstance(entry, list) else [entry] for entry in entries]
     if any(is_landmarks(person) for people in one_each for person in people):
         return "mediapipe", "mediapipe33", []
-    if named := [person for entry in entries for person in tfjs_people(entry)]:
-        return "tfjs", best_layout(tfjs_names(named[0]["keypoints"])), []
     people = [person for entry in entries if isinstance(entry, list) for person in entry]
     if any(is_person(person) for person in people):
         tables = [p["keypoints"] for p in people if is_person(p)]
@@ -216,8 +209,6 @@ def _guess_npy(path: Path) -> Guess:
 
 def _guess_csv(path: Path) -> Guess:
     heading = read_csv(path)[0]
-    if is_long(heading):
-        return "mediapipe", "mediapipe33", []
     if (points := points_of_csv(path)) is not None:
         return "npz", points[1], list(points[0]["keypoints"][:PEOPLE_LOOKED_AT])
     of_mediapipe = landmark_columns(heading) is not None
@@ -362,7 +353,6 @@ READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "coco": read_coco,
     "easymocap": read_easymocap,
     "ultralytics": read_ultralytics,
-    "tfjs": read_tfjs,
     "npz": read_keypoints_npz,
     "sam3d_body": read_sam3d_keypoints,
 }

@@ -15,10 +15,9 @@ As its guide says, landmarks are shares of the picture's width and height (numbe
 taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
 away from the camera. z of picture landmarks and presence are not used.
 
-MediaPipe's landmarks in a CSV, as its users save them: one row a frame, or one a landmark. Columns
-of one row a frame: ``x0, y0, z0, v0, ...`` (from 0 or 1), ``landmark_0_x``, or names as
-``left_knee_x``, ``LEFT_KNEE_Y``. Of one row a landmark: a frame, a landmark's number or name, x, y,
-and possibly z and visibility. A column with the frame's number is used where there is one.
+MediaPipe's landmarks in a CSV, as its users save them: one row a frame, with columns ``x0, y0, z0,
+v0, ...`` (from 0 or 1), ``landmark_0_x``, or names as ``left_knee_x``, ``LEFT_KNEE_Y``. A column
+with the frame's number is used where there is one.
 """
 
 from __future__ import annotations
@@ -215,8 +214,6 @@ def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, li
 
 
 FRAME = ("frame", "frame_id", "frame_index", "frame_idx", "frame_number", "frame_num", "frame_no")
-LANDMARK = ("landmark", "landmark_id", "landmark_index", "landmark_idx", "landmark_name", "id",
-            "index", "idx", "point", "joint", "name", "keypoint")  # fmt: skip
 AXES = {"x": 0, "y": 1, "z": 2} | dict.fromkeys(
     ("v", "vis", "visibility", "score", "c", "conf", "confidence", "likelihood"), 3
 )
@@ -287,18 +284,10 @@ def _other_layout(cells: Sequence[tuple[str, int, int]]) -> tuple[str | None, di
     return layout, {names[n]: column for column, n in columns_of(names, layout).items()}
 
 
-def is_long(heading: Sequence[str]) -> bool:
-    """Whether a heading is that of one row a landmark."""
-    cells = {cell.strip().lower() for cell in heading}
-    return {"x", "y"} <= cells and bool(cells & set(LANDMARK)) and bool(cells & set(FRAME))
-
-
 def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
     """Frame -> x, y, z, visibility. ValueError names file, row, expected and got."""
     rows = read_csv(path)
     heading = [cell.strip().lower() for cell in rows[0]]
-    if is_long(heading):
-        return _long(rows, heading, path)
     columns = landmark_columns(heading)
     if columns is None:
         raise ValueError(
@@ -314,33 +303,6 @@ def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
         frames[number] = _empty()
         for (landmark, axis), column in columns.items():
             frames[number][landmark, axis] = cell_number(row[column], where)
-    return frames
-
-
-def _long(
-    rows: list[list[str]], heading: list[str], path: Path
-) -> dict[int, Float[np.ndarray, "33 4"]]:
-    position = {name: heading.index(name) for name in heading}
-    frame, landmark = (
-        next(position[n] for n in names if n in position) for names in (FRAME, LANDMARK)
-    )
-    names = list(dict.fromkeys(row[landmark] for row in rows[1:] if len(row) > landmark))
-    places = _landmarks(names)
-    if not places:
-        raise ValueError(
-            f"{path}: expected MediaPipe's {POINTS} landmarks by number or name, got "
-            f"{', '.join(names):.60}; save other points as an npz or a CSV with a row a frame"
-        )
-    axes = [(axis, position[name]) for name, axis in AXES.items() if name in position]
-    frames: dict[int, Float[np.ndarray, "33 4"]] = {}
-    for n, row in enumerate(rows[1:], start=2):
-        where = f"{path}: row {n}"
-        must_be_whole(row, len(heading), where)
-        number = frame_number(cell_number(row[frame], where), where)
-        table = frames.setdefault(number, _empty())
-        if row[landmark] in places:
-            for axis, column in axes:
-                table[places[row[landmark]], axis] = cell_number(row[column], where)
     return frames
 
 

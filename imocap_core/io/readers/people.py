@@ -342,17 +342,6 @@ def best_layout(names: Sequence[str]) -> str | None:
     return best if fitting[best] >= MIN_MATCHED else None
 
 
-def matched_columns(names: Sequence[str], layout: str, where: str) -> dict[int, int]:
-    """As `columns_of`; ValueError when fewer than `MIN_MATCHED` names match."""
-    columns = columns_of(names, layout)
-    if len(columns) < MIN_MATCHED:
-        raise ValueError(
-            f"{where}: expected at least {MIN_MATCHED} body parts named like {layout}'s "
-            f"({', '.join(layout_names(layout))}), got {', '.join(names)}; rename them"
-        )
-    return columns
-
-
 NEAR = 1e-6
 
 People = Float[np.ndarray, "_ K 3"]

@@ -13,9 +13,7 @@ used frames, or of all frames of the video.
 
 GVHMR, GEM: ``smpl_params_incam`` or ``body_params_incam`` with ``global_orient`` (N, 3) and
 ``body_pose`` (N, 63), axis-angle: pelvis and the 21 joints that SMPL-X shares with SMPL (SMPL's
-hands stay at rest); one row per frame of the video. GEM-X's body is SOMA: ``body_pose`` (N, 228),
-76 joints, of which 21 are SMPL's. SOMA's rotations are SMPL's, too: against the parent, in the axes
-of the T pose, which faces +z with y up.
+hands stay at rest); one row per frame of the video.
 
 TRAM: ``pred_rotmat`` (N, 24, 3, 3) and ``frame`` (N,); ``pred_trans`` (N, 1, 3) with ``img_focal``
 and ``img_center``, which are optional, give the person's position. A folder stands for all its
@@ -90,46 +88,27 @@ def read_hmmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 
 
 
 GVHMR, GEM = "smpl_params_incam", "body_params_incam"
-SMPL_BODY, SOMA_BODY = 63, 228
-SOMA_NECK2 = 5
-# Of SMPL's first 22 joints the one of SOMA's 77 whose parent is the same bone's: Hips, LeftLeg,
-# RightLeg, Spine1, LeftShin, ... ; between Neck1 and Head lies Neck2.
-SOMA_OF_SMPL = (
-    *(0, 67, 72, 1, 68, 73, 2, 69, 74, 3, 70, 75, 4, 11, 39, 6),
-    *(12, 40, 13, 41, 14, 42),
-)
-SMPL_HEAD = 15
+SMPL_BODY = 63
 
 
 def read_one_person(
     path: Path, performer: PerformerBoxes, group: str
 ) -> Float[np.ndarray, "T 24 3 3"]:
-    """The joint rotations in camera axes, of GEM's either body, SMPL or SOMA. ValueError names file
-    and field."""
+    """The joint rotations in camera axes. ValueError names file and field."""
     content = read_results(path)
     if not isinstance(content, dict) or group not in content:
         got = ", ".join(map(str, content)) if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary with {group}, got {got:.80}")
     where = f"{path}: {group}"
     body = field(content[group], "body_pose", ("N", "D"), where)
-    if body.shape[1] not in (SMPL_BODY, SOMA_BODY):
+    if body.shape[1] != SMPL_BODY:
         raise ValueError(
-            f"{where}: body_pose: expected (N, {SMPL_BODY}) of SMPL or (N, {SOMA_BODY}) of SOMA, "
-            f"got {body.shape}; of another body model give joints (joints_npz)"
+            f"{where}: body_pose: expected (N, {SMPL_BODY}) of SMPL, got {body.shape}; of another "
+            "body model give joints (joints_npz)"
         )
     root = field(content[group], "global_orient", (len(body), 3), where)
     rows = rows_for_frames({}, len(body), performer.frames, path)
-    vectors = np.concatenate([root, body], axis=1)[rows]
-    return from_vectors(vectors) if body.shape[1] == SMPL_BODY else _of_soma(vectors)
-
-
-def _of_soma(vectors: Float[np.ndarray, "N 231"]) -> Float[np.ndarray, "N 24 3 3"]:
-    """SMPL's joint rotations of those of SOMA's 77 joints."""
-    soma = vectors.reshape(len(vectors), -1, 3)
-    rotations = from_vectors(soma[:, SOMA_OF_SMPL].reshape(len(vectors), -1))
-    neck2 = from_vectors(soma[:, SOMA_NECK2])[:, 0]
-    rotations[:, SMPL_HEAD] = neck2 @ rotations[:, SMPL_HEAD]
-    return rotations
+    return from_vectors(np.concatenate([root, body], axis=1)[rows])
 
 
 def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.motion.event_calibration import EventProblem
 from imocap_core.motion.event_rig import CameraRig, EventVideo, bones_of
-from imocap_core.params import EventParams
 
 NAMES = (
     *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist"),
@@ -103,7 +102,7 @@ def made_problem(
     return EventProblem(
         videos, np.arange(FRAMES, dtype=float), bones_of(NAMES), 0, np.full(CAMERAS, 0.15),
         np.zeros(CAMERAS, dtype=int), prior, np.full(CAMERAS, 5.0),
-        np.zeros(CAMERAS, dtype=bool), EventParams(),
+        np.zeros(CAMERAS, dtype=bool),
     )  # fmt: skip
 
 

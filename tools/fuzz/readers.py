@@ -16,9 +16,9 @@ from imocap_core.io.video import probe, read_gray, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.pipeline.source import PROJECT
-from tests.fuzz.recoded import read_recoded, write_parts
 from tests.io import detector_cases, test_estimators
 from tests.io.test_estimators import WRITERS, the_file
+from tools.fuzz.recoded import read_recoded, write_parts
 
 REFUSALS = (ValueError, WorkFailed, ArtifactCorrupt)
 Begin = Callable[[Path], Path]  # writes a valid file, and returns what is read

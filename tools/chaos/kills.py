@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from tests.chaos.small_action import NAME, STAGES, Part, SmallAction, digests_below, part_of
+from tools.chaos.small_action import NAME, STAGES, Part, SmallAction, digests_below, part_of
 
 Start = Callable[[], subprocess.Popen[bytes]]
 Wait = Callable[[subprocess.Popen[bytes]], None]

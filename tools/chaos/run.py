@@ -1,4 +1,4 @@
-"""Disturb runs of a small action:  python -m tests.chaos.run --kills 100  (make chaos).
+"""Disturb runs of a small action:  python -m tools.chaos.run --kills 100  (make chaos).
 
 Runs, exports, viewers and reports are killed at random moments and begun again until they end.
 Each time: the results of an undisturbed run, nothing left behind, the action's files untouched.
@@ -17,10 +17,10 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tests.chaos.disks import fail_fsyncs, fill_disk, starve
-from tests.chaos.kills import disturb_outputs, disturb_runs
-from tests.chaos.processes import disturb_demo, disturb_detector
-from tests.chaos.small_action import STAGES, Part, SmallAction, part_of
+from tools.chaos.disks import fail_fsyncs, fill_disk, starve
+from tools.chaos.kills import disturb_outputs, disturb_runs
+from tools.chaos.processes import disturb_demo, disturb_detector
+from tools.chaos.small_action import STAGES, Part, SmallAction, part_of
 
 SOLVING = [stage for stage in STAGES if stage not in ("keypoints", "evaluate")]
 OUT = Path("build/chaos.json")
@@ -49,7 +49,7 @@ def spoil_a_video(action: SmallAction) -> Part:
     return part_of(1, moved + action.leftovers())
 
 
-class Record:
+class ChaosRecord:
     """What was tried and lost, part by part, and the seconds that a part took."""
 
     def __init__(self, only: str) -> None:
@@ -82,7 +82,7 @@ def main() -> int:
     tries = max(2, kills // 10)
     with tempfile.TemporaryDirectory() as folder:
         action = SmallAction.make(Path(folder))
-        record = Record(arguments.only)
+        record = ChaosRecord(arguments.only)
         record.add("kills of runs", lambda keep: disturb_runs(action, kills, rng, keep))
         record.add("kills of outputs", lambda keep: disturb_outputs(action, kills // 2, rng, keep))
         record.add("threads and order", lambda keep: vary_threads(action))

@@ -1,4 +1,4 @@
-"""The command line with faults in it:  python -m tests.chaos.faulty run serve
+"""The command line with faults in it:  python -m tools.chaos.faulty run serve
 
 CHAOS_FSYNC=3        the third and all later fsyncs fail, as on a disk that is dying
 CHAOS_COUNT=FILE     the number of fsyncs is written to FILE

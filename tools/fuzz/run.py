@@ -1,4 +1,4 @@
-"""Damage files and read them for some time:  python -m tests.fuzz.run --seconds 300  (make fuzz).
+"""Damage files and read them for some time:  python -m tools.fuzz.run --seconds 300  (make fuzz).
 
 Every damaged file must be read or refused in a sentence that names it, within ten seconds and a
 gigabyte more of memory. What was not goes to build/fuzz, and the record of executions to
@@ -19,8 +19,8 @@ from collections import Counter
 from pathlib import Path
 from types import FrameType
 
-from tests.fuzz.mutations import damaged
-from tests.fuzz.readers import READERS, Read, file_of, try_to_read
+from tools.fuzz.mutations import damaged
+from tools.fuzz.readers import READERS, Read, file_of, try_to_read
 
 LIMIT_S, ROOM_BYTES = 10, 2**30
 OUT = Path("build/fuzz")
@@ -52,8 +52,8 @@ def outcome(read: Read, path: Path) -> str:
         return "read" if try_to_read(read, path) else "refused"
     except (Exception, Hung) as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
-        at = f"{Path(where.filename).name}:{where.lineno}"
-        return f"{type(error).__name__} at {at}: {str(error)[:160]}"
+        place = f"{Path(where.filename).name}:{where.lineno}"
+        return f"{type(error).__name__} at {place}: {str(error)[:160]}"
     finally:
         signal.alarm(0)
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.chaos.small_action import Part, SmallAction, part_of, refused
+from tools.chaos.small_action import Part, SmallAction, part_of, refused
 
 LARGEST_BYTES = 20_000
 PLENTY_BYTES = 2**30

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import yaml
 
-from tests.chaos.small_action import Part, SmallAction, digests_below, part_of, refused
 from tests.detect.conftest import MEDIAPIPE, clip
+from tools.chaos.small_action import Part, SmallAction, digests_below, part_of, refused
 
 DEMO = "yoga"
 DETECTED = "detected"

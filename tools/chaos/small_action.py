@@ -110,7 +110,7 @@ class SmallAction:
 
         faults: variables of `faulty`.
         """
-        program = "tests.chaos.faulty" if faults else "stages"
+        program = "tools.chaos.faulty" if faults else "stages"
         line = [sys.executable, "-m", program, "--root", str(self.root), *command.split(), name]
         environment = {**os.environ, **dict.fromkeys(THREADS, str(threads)), **faults}
         return subprocess.Popen(

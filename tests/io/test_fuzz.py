@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.fuzz.readers import READERS
-from tests.fuzz.run import one
+from tools.fuzz.readers import READERS
+from tools.fuzz.run import one
 
 
 @pytest.mark.parametrize("name", READERS)
