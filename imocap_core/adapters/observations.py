@@ -93,8 +93,6 @@ def observations_of(
         used, here = columns[video.layout]
         xy[:, here], confidence[:, here] = camera.xy_first_px[:, used], video.confidence[:, used]
         confidence[~np.isfinite(xy).all(-1)] = 0.0
-        import os
-        confidence = confidence ** float(os.environ.get('CONFPOW', '1'))
         centre, place_sd = path_of(camera, metric.get(video.id))
         observations.append(
             Observation(

@@ -96,8 +96,6 @@ def balance_term(
     arms, whitening = [], []
     for v, bodies in enumerate(filmed):
         up = estimate_up(bodies, level).up
-        import os
-        if os.environ.get("SHOWBAL"): print("up", up)
         arm, whiten = arms_above_support(bodies[0], up)
         arms.append(arm)
         whitening.append(whiten if shares is None else whiten * shares[v, :, None, None] ** 0.5)

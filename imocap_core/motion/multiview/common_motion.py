@@ -24,8 +24,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
 from imocap_core.camera.gravity import FilmedBody
+from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
 from imocap_core.motion.monocular.fit import Progress, balance_term, regularisers
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
@@ -311,34 +311,37 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
     return [JointEvidence(scene.body, estimates, strength, ESTIMATE_SIGMAS)]
 
 
-ACROSS = 0.2  # sine of an angle between lines of sight: at it, balance counts half
-LEAST_BALANCE = 0.05  # share of its full weight below which it is nothing
+_ACROSS = 0.2  # sine of the angle between lines of sight at which balance counts half
+_LEAST_BALANCE = 0.1  # share of its weight below which it is left out
 
 
-def one_line_balance(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
-    """Balance of the common motion where no view tells how far the body leans: videos that look
-    along one line are as one.
-
-    What views tell along that line is the sum of their weights times sin^2 of their angles to it.
-    """
-    import os
-    fit, body = scene.fit, scene.body
-    if os.environ.get("NOBAL") or fit.balance == 0:
+def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
+    """Balance of the common motion in frames whose videos look along one line, where none of them
+    tells how far the body leans (`docs/motion.md`)."""
+    shares = share_untold(scene, motion, cameras)
+    if scene.fit.balance == 0 or not shares.any():
         return []
-    joints = body.positions(body.joints, motion)[0].detach().cpu().numpy()
+    joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
+    R = cameras.R.detach().cpu().numpy()
+    filmed = [
+        FilmedBody(joints, scene.fps, scene.observations[v].R_mean_from_first @ R[v])
+        for v in np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist()
+    ]
+    return [balance_term(scene.body, motion, [filmed], scene.fit, shares[None])]
+
+
+def share_untold(scene: Scene, motion: MotionState, cameras: Cameras) -> Float[np.ndarray, " N"]:
+    """Share of each frame's balance that no view replaces: 1 / (1 + the sum over the videos of
+    their matches' confidence times sin^2 of their angle to the line that most look along /
+    `_ACROSS`^2), 0 where it is small."""
+    root = scene.body.positions(scene.body.joints, motion)[0, :, 0].detach().cpu().numpy()
     R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
-    lines = joints[None, :, 0] + np.einsum("mji,mj->mi", R, t)[:, None]
-    lines /= np.linalg.norm(lines, axis=-1, keepdims=True)
-    moments = np.einsum("mn,mna,mnb->nab", scene.timeline.confidence, lines, lines)
-    told = np.linalg.eigvalsh(moments)[:, :2].sum(-1) / ACROSS**2
-    share = 1 / (1 + told)
-    share[share < LEAST_BALANCE] = 0.0
-    if os.environ.get("SHOWBAL"): print("balance share", share.round(2)[::8])
-    if not share.any():
-        return []
-    used = [v for v, w in enumerate(scene.keypoints.weight) if (w > 0).any()]
-    filmed = [FilmedBody(joints, scene.fps, scene.observations[v].R_mean_from_first @ R[v]) for v in used]
-    return [balance_term(body, motion, [filmed], fit, share[None])]
+    sight = root + np.einsum("mji,mj->mi", R, t)[:, None]
+    sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+    moments = np.einsum("mn,mna,mnb->nab", scene.timeline.confidence, sight, sight)
+    across = np.linalg.eigvalsh(moments)[:, :2].sum(axis=1)
+    share = 1 / (1 + across / _ACROSS**2)
+    return np.where(share < _LEAST_BALANCE, 0.0, share)
 
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
@@ -400,7 +403,7 @@ def fit_in_stages(
         progress(f"common motion, robust scale {stage:g}x")
         views = replace(views, robust_scale=final * stage)
         weighted = with_keypoint_spread(views, motion, spread_m)
-        balanced = [*terms, *one_line_balance(scene, motion, cameras)]
+        balanced = [*terms, *balance_along_sight(scene, motion, cameras)]
         fits = [fit_common_motion(weighted, begun, unknowns, balanced, steps) for begun in starts]
         motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
         starts = [motion]
