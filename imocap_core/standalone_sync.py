@@ -74,7 +74,7 @@ def cut(
     for video, motion in zip(keypoints.videos, initial.videos, strict=True):
         if video.id not in long_clips:
             continue
-        repetitions = find_repetitions(motion.joints, video.fps, job.settings.params.repetitions)
+        repetitions = find_repetitions(motion.joints, video.fps)
         if len(repetitions.spans) < 2:
             raise WorkFailed(f"{video.id}: {repetitions.status}; nothing to cut")
         spans[video.id] = [

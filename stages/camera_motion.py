@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from imocap_core.artifacts.schemas import (
     VideoCameraMotion,
     VideoKeypoints,
 )
-from imocap_core.camera.background import rescaled, track_background
+from imocap_core.camera.background import rescaled, share_without_bars, track_background
 from imocap_core.camera.camera_motion import CameraMotionEstimate
 from imocap_core.camera.line_lens import KeptPictures, still_background
 from imocap_core.camera.projection import warp
@@ -90,14 +91,19 @@ def _look(
             f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
             "them; change `frames` in action.yaml or re-encode the video"
         )
+    filmed = share_without_bars(list(sampled.by_frame.values()))
+    factor = filmed * params.assumed_focal_factor
     camera, lens = camera_of_background(
         video,
         [rescaled(match, scale) for match in small],
         params.reprojection_threshold_px / scale,
         lambda: background_of(pictures(), boxes, video.fps, video.size, scale, params),
         lambda: still_background(sampled, boxes),
-        params,
+        replace(params, assumed_focal_factor=factor),
     )
+    if filmed < 1:
+        words = f"black bars leave {filmed:.0%} of the picture's larger side"
+        camera = replace(camera, note=f"{camera.note}; {words}")
     return camera_at_used_frames(camera, video), lens
 
 

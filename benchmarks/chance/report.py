@@ -97,9 +97,7 @@ def _positions(
     motions: list[Float[np.ndarray, "_T J 3"]], rng: np.random.Generator
 ) -> list[Float[np.ndarray, " N"]]:
     """Of each motion, the frame that matches each frame of the first, NaN where none does."""
-    evidence = SyncEvidence(
-        motions, fps=[CapturedTake.fps] * len(motions), joint_weights=None, reference=0
-    )
+    evidence = SyncEvidence(motions, fps=[CapturedTake.fps] * len(motions), reference=0)
     frames = np.arange(len(motions[0]), dtype=np.float64)
     positions = [frames]
     for matched in synchronise(evidence, SETTINGS, rng).reference_frame[1:]:

@@ -175,7 +175,7 @@ def _solver_row(name: str, solver: str, frames: int, raced: Sequence[RaceRow]) -
 
 def _soft_maps(frames: int, params: SyncParams) -> BlockMaps:
     poses, fps = made_poses(frames, np.random.default_rng(frames)), [FPS] * VIDEOS
-    distances = distance_matrix(poses, None, None, fps, params)
+    distances = distance_matrix(poses, None, fps, params)
     return compared_pairs(distances, Clocks(fps, np.ones(VIDEOS)), params, range(VIDEOS)).soft_maps
 
 

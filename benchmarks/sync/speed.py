@@ -51,7 +51,7 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
     fps = [FPS] * VIDEOS
     for size in SIZES:
         poses = made_poses(size, np.random.default_rng(size))
-        work = partial(distance_matrix, poses, None, None, fps, settings)
+        work = partial(distance_matrix, poses, None, fps, settings)
         rows.append(_row(rows, "affinity", size, work))
         distances = work()
         blocks = distances.blocks

@@ -55,7 +55,6 @@ def evidence_of(
         joints,
         fps=[video.fps for video in keypoints.videos],
         confidence=_detected(joints, keypoints),
-        joint_weights=joint_weights_of(params),
         twins=mirror_indices(SMPL_JOINTS),
         keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
         heights=_heights(joints, keypoints, cameras),
@@ -149,7 +148,6 @@ def synchronise_joints(
     evidence = SyncEvidence(
         joints,
         fps,
-        joint_weights=joint_weights_of(params),
         twins=mirror_indices(SMPL_JOINTS),
         reference=None if reference is None else list(ids).index(reference),
     )
@@ -183,12 +181,6 @@ def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) 
 def summary_of(sync: Sync) -> SyncSummary:
     """A synchronisation without its matrices."""
     return SyncSummary.model_validate({n: getattr(sync, n) for n in SyncSummary.model_fields})
-
-
-def joint_weights_of(params: SyncParams) -> Float[np.ndarray, "24"] | None:
-    """Weights of SMPL's joints, None where all are equal."""
-    given = params.joint_weights
-    return np.array([given.get(name, 1.0) for name in SMPL_JOINTS]) if given else None
 
 
 def _screening_of(decided: SyncSummary) -> Screening:

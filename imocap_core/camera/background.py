@@ -27,6 +27,33 @@ MIN_TRACKED = 0.35  # of the features that should be visible
 BOX_PADDING = 0.12  # of the person's box on each side: hair, hands and clothes reach out of it
 _WINDOW = (21, 21)
 
+_BAR_LEVEL = 24  # of 255: darker are black bars, compression's noise included
+_BAR_SHARE = 0.01  # of a column or row: so few brighter pixels are noise
+_LEAST_BAR = 0.03  # of the side: a narrower margin is the picture's own dark edge
+
+
+def share_without_bars(pictures: Sequence[UInt8[np.ndarray, "H W"]]) -> float:
+    """Larger side of what is filmed, as a share of the pictures' larger side: 1 without black bars.
+
+    Bars are black in all pictures and equally wide on both sides, as where an upright film was put
+    into a wide one.
+
+    Args:
+        pictures: grey, of one size, some of one video.
+    """
+    bright = np.mean([picture > _BAR_LEVEL for picture in pictures], axis=0)
+    sides = [_side_without_bars(bright.mean(axis=axis)) for axis in (0, 1)]
+    return max(sides) / max(bright.shape)
+
+
+def _side_without_bars(bright: Float[np.ndarray, " n"]) -> int:
+    """Number of columns (or rows) between two equal bars; bright: share of each one's pixels."""
+    filmed = np.flatnonzero(bright > _BAR_SHARE)
+    if not len(filmed):
+        return len(bright)
+    bar = min(int(filmed[0]), len(bright) - 1 - int(filmed[-1]))
+    return len(bright) - 2 * bar if bar >= _LEAST_BAR * len(bright) else len(bright)
+
 
 @dataclass(frozen=True)
 class Matches:

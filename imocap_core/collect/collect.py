@@ -73,7 +73,7 @@ def collect_films(
         match
         for of_track, track in zip(every, people.tracks, strict=True)
         if of_track and of_track[0].score >= least
-        for match in in_whole_cycles(of_track, cycles_of(track, params.repetitions), least)
+        for match in in_whole_cycles(of_track, cycles_of(track), least)
     ]
     if not matches:
         raise WorkFailed(
@@ -146,7 +146,7 @@ def _movement(
 ) -> SoughtMovement:
     if example is None:
         display.progress(0.5, "looking for what is repeated")
-        return repeated_movement(films, people, params.repetitions)
+        return repeated_movement(films, people)
     same = [f for f in films if f.path.resolve() == example.video.resolve()]
     film = same[0] if same else _looked_through(workspace, [example.video], params, display)[0]
     return example_movement(example, film, people, params.keypoints)

@@ -42,16 +42,16 @@ from imocap_core.collect.same_takes import shows_again
 from imocap_core.collect.shots import Shot
 from imocap_core.conventions import mirror_indices
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.params import CollectParams, KeypointsParams, RepetitionParams
+from imocap_core.params import CollectParams, KeypointsParams
 from imocap_core.sync.repetition import Span, best_totals, find_repetitions, subsequence_dtw
 
 WITHIN = 0.7  # of a stretch lies in the cycle that it is a part of
 
 
-def cycles_of(track: ShotTrack, params: RepetitionParams) -> tuple[Span, ...]:
+def cycles_of(track: ShotTrack) -> tuple[Span, ...]:
     """Frames of the track's cycles, from each one's first to one past its last; none where it shows
     fewer than two."""
-    spans = find_repetitions(track.joints, track.fps, params).spans
+    spans = find_repetitions(track.joints, track.fps).spans
     return spans if len(spans) > 1 else ()
 
 
@@ -242,9 +242,7 @@ class SoughtMovement:
     given: bool
 
 
-def repeated_movement(
-    films: Sequence[LongFilm], people: FilmTracks, repetitions: RepetitionParams
-) -> SoughtMovement:
+def repeated_movement(films: Sequence[LongFilm], people: FilmTracks) -> SoughtMovement:
     """The movement that is repeated most in the films. WorkFailed where none is."""
     twins = mirror_indices(layout_names(films[0].people.layout))
 
@@ -262,7 +260,7 @@ def repeated_movement(
     track, samples = people.tracks[index], at_rate(people.samples[index], 1.0)
     last = min(start + len(template.background), len(samples.frame)) - 1
     first, stop = int(samples.frame[start]), int(samples.frame[last]) + 1
-    whole = cycle_around(first, stop, cycles_of(track, repetitions))
+    whole = cycle_around(first, stop, cycles_of(track))
     if whole is not None:
         first, stop = whole
         inside = (samples.frame >= first) & (samples.frame < stop)

@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
-from imocap_core.adapters.synchronisation import joint_weights_of
 from imocap_core.biomechanics.joint_angles import MeanCurve, joint_angles_deg, mean_curve, near
 from imocap_core.body import Shaped
 from imocap_core.conventions import SMPL_JOINTS
@@ -254,12 +253,8 @@ def pair_of(
     """
     means = [t.mean.joints for t in (first, second)]
     settings = replace(params, outliers="ignore", mirrored="ignore")
-    weights = joint_weights_of(params)
     evidence = SyncEvidence(
-        means,
-        fps=[first.performances.fps, second.performances.fps],
-        joint_weights=None if weights is None else weights[: means[0].shape[1]],
-        reference=0,
+        means, fps=[first.performances.fps, second.performances.fps], reference=0
     )
     sync = synchronise(evidence, settings, rng)
     axis = np.arange(len(means[0])) / first.performances.fps

@@ -17,7 +17,7 @@ from imocap_core.params.motion_params import (
     RefineParams,
     UncertaintyParams,
 )
-from imocap_core.params.sync_params import RepetitionParams, SyncParams
+from imocap_core.params.sync_params import SyncParams
 from imocap_core.params.video_params import (
     CameraMotionParams,
     CollectParams,
@@ -37,7 +37,6 @@ class Params:
     initial_smpl: InitialSmplParams = field(default_factory=InitialSmplParams)
     fit: FitParams = field(default_factory=FitParams)
     sync: SyncParams = field(default_factory=SyncParams)
-    repetitions: RepetitionParams = field(default_factory=RepetitionParams)
     collect: CollectParams = field(default_factory=CollectParams)
     motion: MotionParams = field(default_factory=MotionParams)
     redetect: RedetectParams = field(default_factory=RedetectParams)
@@ -58,7 +57,6 @@ __all__ = [
     "Params",
     "RedetectParams",
     "RefineParams",
-    "RepetitionParams",
     "SyncParams",
     "UncertaintyParams",
 ]

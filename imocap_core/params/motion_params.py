@@ -98,7 +98,7 @@ class FitParams:
     balance: NonNegative = param(
         16.0,
         "Weight of the squared horizontal distance, in standard deviations, of the centre of mass "
-        "from the middle of its support, where an action has one video only.",
+        "from the middle of its support, where no second view tells how far the body leans.",
     )
     camera_roll_deg: Positive = param(
         2.0,

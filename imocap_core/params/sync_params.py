@@ -1,11 +1,10 @@
-"""Parameters of the synchronisation and the search for repetitions."""
+"""Parameters of the synchronisation."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.params.bounds import Count, NonNegative, Positive, Share, WholeNumber, param
 
 CycleMethod = Literal["als", "svt", "softmap", "none"]
@@ -16,16 +15,6 @@ Warp = Literal["posterior", "dtw"]
 class SyncParams:
     """Synchronisation of videos by 3D poses (section 3.1, Eq. 1 and 2; sync.md)."""
 
-    affinity: Literal["reciprocal", "gaussian"] = param(
-        "reciprocal",
-        "Map from pose distances to affinities: `reciprocal` is the paper's, `gaussian` is "
-        "sharper.",
-    )
-    joint_weights: dict[str, NonNegative] = param(
-        {},
-        "Weights of single joints in every comparison of poses, by SMPL's joint names, as in "
-        "`{left_wrist: 2}`; 1 for joints that are not named.",
-    )
     method: CycleMethod = param(
         "softmap",
         "Cycle consistency of the pairwise affinities: `als` and `svt` are the paper's (Eq. 2), "
@@ -91,35 +80,3 @@ class SyncParams:
         "A video that shows the mirror image of the action: `flip` it for the joint solve, only "
         "`report` it, or check no video (`ignore`).",
     )
-
-    def __post_init__(self) -> None:
-        """ValueError for weights of unknown joints, or too few joints of weight above 0."""
-        weights = self.joint_weights
-        if unknown := sorted(set(weights) - set(SMPL_JOINTS)):
-            raise ValueError(
-                f"joint_weights: expected joints of {', '.join(SMPL_JOINTS)}, got {unknown[0]}"
-            )
-        if (count := sum(weights.get(name, 1.0) > 0 for name in SMPL_JOINTS)) < 3:
-            raise ValueError(
-                f"joint_weights: expected at least three joints of weight above 0, got {count}"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class RepetitionParams:
-    """Repetitions of one action in a long clip (`imocap sync --repetitions`; sync.md)."""
-
-    least_score: Share = param(
-        0.6,
-        "Share of the clip's motion that one repetition must explain of the others; below it "
-        "nothing repeats.",
-    )
-    least_quality: Share = param(
-        0.4, "Share of an occurrence's poses that the template must explain."
-    )
-    match_level: Positive = param(
-        0.4,
-        "Squared distance up to which a pose counts as explained, as a share of the way from its "
-        "nearest pose to an unrelated one.",
-    )
-    shortest_s: Positive = param(0.5, "Shortest repetition, at the clip's typical speed.", unit="s")

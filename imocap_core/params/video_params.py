@@ -127,8 +127,9 @@ class CameraMotionParams:
     )
     assumed_focal_factor: Positive = param(
         1.0,
-        "Focal length divided by the picture's larger side, assumed where neither action.yaml nor "
-        "the camera's rotation gives it. Phones have 0.8 to 0.9, television cameras 1 and more.",
+        "Focal length divided by the picture's larger side without black bars, assumed where "
+        "neither action.yaml nor the camera's rotation gives it. Phones have 0.8 to 0.9, "
+        "television cameras 1 and more.",
     )
 
 

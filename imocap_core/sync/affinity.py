@@ -112,7 +112,6 @@ class DistanceMatrix:
 def distance_matrix(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
-    joint_weights: Float[np.ndarray, " J"] | None,
     fps: Sequence[float],
     params: SyncParams,
     *,
@@ -123,7 +122,7 @@ def distance_matrix(
 
     Arguments as of `synchronise`; whole: every frame, also of long videos.
     """
-    weights = joint_weights_of(poses, confidence, joint_weights)
+    weights = joint_weights_of(poses, confidence)
     scales = body_scales(poses) if params.normalise_scale else np.ones(len(poses))
     least = params.least_difference_m**2
     scaled, blocks = stack(poses, scales)
@@ -186,15 +185,6 @@ def reciprocal_affinity(
     return np.nan_to_num(1.0 / (1.0 + distance / scale), nan=0.0)
 
 
-def gaussian_affinity(
-    distance: Float[np.ndarray, "*shape"], scale: float
-) -> Float[np.ndarray, "*shape"]:
-    """exp(-d^2 / (2 scale^2)): sharper than the reciprocal, 0.61 at `scale`. NaN distances have
-    affinity 0."""
-    return np.nan_to_num(np.exp(-0.5 * (distance / scale) ** 2), nan=0.0)
-
-
-AFFINITIES = {"reciprocal": reciprocal_affinity, "gaussian": gaussian_affinity}
 MOST_FRAMES = 500  # of a video
 
 
@@ -223,23 +213,23 @@ def strides(lengths: Sequence[int]) -> list[int]:
     return [max(1, -(-T // MOST_FRAMES)) for T in lengths]
 
 
-def affinities(distances: DistanceMatrix, kind: str) -> Affinities:
-    """By one of AFFINITIES."""
+def affinities(distances: DistanceMatrix) -> Affinities:
+    """Of all pairs of videos (Eq. 1)."""
     every, scale = strides(distances.blocks.lengths), float(np.sqrt(distances.matched_square))
     pairs = {}
     for i, j in distances.blocks.pairs():
         shown = slice(None, None, every[i]), slice(None, None, every[j])
         distance = np.sqrt(distances.part(i, j, *shown))
-        pairs[i, j] = AFFINITIES[kind](distance, scale).astype(np.float32)
+        pairs[i, j] = reciprocal_affinity(distance, scale).astype(np.float32)
     return Affinities(every, pairs)
 
 
-def affinity_matrix(distances: DistanceMatrix, kind: str) -> Float[np.ndarray, "N_a N_a"]:
+def affinity_matrix(distances: DistanceMatrix) -> Float[np.ndarray, "N_a N_a"]:
     """All frames of all videos, single precision; within a video the identity."""
     matrix = np.empty((distances.blocks.total,) * 2, dtype=np.float32)
     scale = float(np.sqrt(distances.matched_square))
     for i, j in distances.blocks.pairs():
-        part = AFFINITIES[kind](np.sqrt(distances.part(i, j, slice(None), slice(None))), scale)
+        part = reciprocal_affinity(np.sqrt(distances.part(i, j, slice(None), slice(None))), scale)
         distances.blocks.block(matrix, i, j)[...] = part
         distances.blocks.block(matrix, j, i)[...] = part.T
     distances.blocks.set_diagonal_to_identity(matrix)

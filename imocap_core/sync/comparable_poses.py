@@ -50,16 +50,14 @@ def check_poses(
 def joint_weights_of(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
-    joint_weights: Float[np.ndarray, " J"] | None,
 ) -> list[Float[np.ndarray, "_T J"]]:
-    """Per video: each joint's weight times its confidence, 0 where the joint is missing (NaN)."""
+    """Per video: each joint's confidence, 0 where the joint is missing (NaN)."""
     weights = []
     for v, x in enumerate(poses):
         w = np.isfinite(x).all(axis=-1).astype(float)
         if confidence is not None:
             w = w * np.nan_to_num(confidence[v])
-        # a pair multiplies both frames' weights, so each contributes the square root of the joint's
-        weights.append(w if joint_weights is None else w * np.sqrt(joint_weights))
+        weights.append(w)
     return weights
 
 

@@ -25,7 +25,6 @@ class SyncEvidence:
             NaN = missing.
         fps: per video.
         confidence: per video, in [0, 1].
-        joint_weights: of the joints of the poses, in their order.
         twins: each joint's mirror twin, needed to detect mirrored videos.
         keypoints: of the poses' joints in the same frames; where given, they decide which videos
             are mirrored or show another action, not the poses.
@@ -42,7 +41,6 @@ class SyncEvidence:
     poses: Sequence[Float[np.ndarray, "_T _J 3"]]
     fps: Sequence[float]
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None
-    joint_weights: Float[np.ndarray, " J"] | None = None
     twins: Sequence[int] | None = None
     keypoints: Sequence[Keypoints2D] | None = None
     heights: Sequence[Float[np.ndarray, "_T"]] | None = None
@@ -71,7 +69,7 @@ class SyncEvidence:
         """Poses (T_v, J, 3) in body sizes, and the weights of their joints."""
         scales = body_scales(self.poses)
         scaled = [x / s for x, s in zip(self.poses, scales, strict=True)]
-        return scaled, joint_weights_of(self.poses, self.confidence, self.joint_weights)
+        return scaled, joint_weights_of(self.poses, self.confidence)
 
     def without_forbidden(self) -> SyncEvidence:
         """The same, with confidence 0 in forbidden frames."""

@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.affinity import (
-    AFFINITIES,
     Affinities,
     DistanceMatrix,
     affinities,
@@ -56,7 +55,6 @@ from imocap_core.sync.time_axis import (
 from imocap_core.sync.warp.dtw import dtw_warps
 from imocap_core.sync.warp.soft_maps import Clocks
 
-WARPS = ("posterior", "dtw")
 # The refined map to the reference against one map between two videos, which carries the noise of
 # two single estimates.
 REFINED_WEIGHT = 8.0
@@ -116,7 +114,6 @@ def synchronise_jointly(
         videos: that all show the action, upright and with their rates.
         eligible: the videos to choose the reference from, if any of them is.
     """
-    _check(params)
     assert videos.rates is not None
     fps, rates, hints = videos.fps, videos.rates, videos.hints
     clocks = Clocks(fps, rates)
@@ -125,7 +122,6 @@ def synchronise_jointly(
     distances = distance_matrix(
         videos.poses,
         videos.confidence,
-        videos.joint_weights,
         clock,
         params,
         heights=videos.heights,
@@ -133,7 +129,7 @@ def synchronise_jointly(
     )
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
-    affinity = affinities(distances, params.affinity)
+    affinity = affinities(distances)
     hubs = hubs_of(distances, eligible, videos.reference)
     compared = compared_pairs(distances, clocks, params, hubs)
     matched, pairs, centralities = compared.matched, compared.pairs, compared.centralities
@@ -145,7 +141,7 @@ def synchronise_jointly(
 
     evidence = compared.soft_maps
     if params.warp == "dtw":
-        evidence = BlockMaps.of(affinity_matrix(distances, params.affinity), blocks)
+        evidence = BlockMaps.of(affinity_matrix(distances), blocks)
     distances = distances.with_squares_of(chosen)
     relaxed, report = relax(params.method, evidence, rounds=params.rounds, rng=rng)
     if params.warp == "posterior":
@@ -249,13 +245,6 @@ def _confidences(
         mass if v == chosen else calibrated_confidence(route(v), distances, pairs)
         for v, mass in enumerate(masses)
     ]
-
-
-def _check(params: SyncParams) -> None:
-    if params.warp not in WARPS:
-        raise ValueError(f"warp: expected posterior or dtw, got {params.warp!r}")
-    if params.affinity not in AFFINITIES:
-        raise ValueError(f"affinity: expected reciprocal or gaussian, got {params.affinity!r}")
 
 
 def _phase_confidence(pairs: PairMaps, lengths: Sequence[int]) -> list[Float[np.ndarray, "_T"]]:

@@ -19,7 +19,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
 
-from imocap_core.params import RepetitionParams
 from imocap_core.sync.procrustes import procrustes_distances
 
 Span = tuple[int, int]  # first and one past the last sample
@@ -191,6 +190,11 @@ FASTEST_SHARE = 2.0
 STILL_SHARE = 0.25  # of the typical speed: below it a repetition has ended or not begun
 NEAR_BEST = 0.97  # templates that explain this share of what the best one does are as good
 MAX_STARTS = 250  # start positions of templates that are tried at most
+_LEAST_SCORE = 0.6  # of the clip's motion one repetition must explain of the others
+_LEAST_QUALITY = 0.4  # of an occurrence's poses the template must explain
+# squared distance up to which a pose is explained: share of the way from its nearest pose to others
+_MATCH_LEVEL = 0.4
+_SHORTEST_S = 0.5  # repetition, at the clip's typical speed
 
 
 @dataclass(frozen=True)
@@ -209,9 +213,7 @@ class Repetitions:
     status: str
 
 
-def find_repetitions(
-    poses: Float[np.ndarray, "T J 3"], fps: float, params: RepetitionParams
-) -> Repetitions:
+def find_repetitions(poses: Float[np.ndarray, "T J 3"], fps: float) -> Repetitions:
     """Cut a clip into the repetitions of its dominant action; their number is not given.
 
     Args:
@@ -221,27 +223,27 @@ def find_repetitions(
     Raises:
         ValueError: for shapes or numbers that don't fit.
     """
-    _check(poses, fps, params)
+    _check(poses, fps)
     whole = ((0, len(poses)),)
     smooth = _smoothed(poses, SMOOTH_S * fps)
     speed = _speeds(smooth, fps)
     typical = float(np.sqrt(np.mean(speed**2)))
     samples = _evenly_in_motion(speed / typical, fps) if typical > 0 else np.array([0])
-    shortest = max(2, round(params.shortest_s * SAMPLES_PER_S))
+    shortest = max(2, round(_SHORTEST_S * SAMPLES_PER_S))
     if len(samples) < 2 * shortest:
         return Repetitions(whole, 0.0, "no repetitions: the clip is too short, or nothing moves")
     template = best_template(
-        _similarity(_squares(smooth[samples]), shortest, params.match_level),
+        _similarity(_squares(smooth[samples]), shortest, _MATCH_LEVEL),
         shortest=shortest,
         longest=max(shortest, round(0.6 * len(samples))),
         stride=-(-len(samples) // MAX_STARTS),
-        least_quality=params.least_quality,
+        least_quality=_LEAST_QUALITY,
         cut_cost=speed[samples] / typical,
         near_best=NEAR_BEST,
     )
     score = template.explained / max(len(samples) - template.samples, 1) if template else 0.0
-    if template is None or score < params.least_score or len(template.spans) < 2:
-        status = f"no repetitions: score {score:.2f} < {params.least_score:g}"
+    if template is None or score < _LEAST_SCORE or len(template.spans) < 2:
+        status = f"no repetitions: score {score:.2f} < {_LEAST_SCORE:g}"
         return Repetitions(whole, score, status)
     motion = speed - STILL_SHARE * typical
     edges = np.append(samples, len(poses))
@@ -251,12 +253,12 @@ def find_repetitions(
     return Repetitions(spans, score, f"{len(spans)} repetitions, {durations}, score {score:.2f}")
 
 
-def _check(poses: np.ndarray, fps: float, params: RepetitionParams) -> None:
+def _check(poses: np.ndarray, fps: float) -> None:
     faults = []
     if poses.ndim != 3 or poses.shape[-1] != 3 or not len(poses):
         faults.append(f"poses: expected (T >= 1, J, 3), got {poses.shape}")
-    numbers = (("fps", fps), ("match_level", params.match_level), ("shortest_s", params.shortest_s))
-    faults += [f"{name}: expected > 0, got {value}" for name, value in numbers if not value > 0]
+    if not fps > 0:
+        faults.append(f"fps: expected > 0, got {fps}")
     if faults:
         raise ValueError("; ".join(faults))
 

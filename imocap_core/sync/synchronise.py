@@ -38,7 +38,6 @@ def synchronise(
     Frames that show one picture again (freeze frames) are one frame: one match, one observation.
 
     Args:
-        params: all but `joint_weights`, which name SMPL's joints.
         rng: draws the starting factor of the method `als`.
         screening: mirrored and excluded videos, when they were determined before.
 

@@ -26,7 +26,7 @@ from imocap_core.collect.movement import (
     threshold,
 )
 from imocap_core.collect.shots import Shot
-from imocap_core.params import CollectParams, RepetitionParams
+from imocap_core.params import CollectParams
 from tests.collect.made_tracks import FPS, movement, track
 
 CYCLES = ((0, 40), (40, 80), (85, 120))
@@ -45,10 +45,10 @@ def repeated(times: int) -> ShotTrack:
 
 def test_cycles_are_those_of_the_track_itself() -> None:
     once = len(repeated(1).joints)
-    cycles = cycles_of(repeated(3), RepetitionParams())
+    cycles = cycles_of(repeated(3))
     assert len(cycles) == 3
     assert [b - a for a, b in cycles] == pytest.approx([once] * 3, abs=0.25 * FPS)
-    assert cycles_of(repeated(1), RepetitionParams()) == ()
+    assert cycles_of(repeated(1)) == ()
 
 
 def test_a_part_of_a_cycle_is_the_cycle_and_more_than_one_is_not() -> None:

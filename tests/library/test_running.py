@@ -64,8 +64,8 @@ def test_one_off_parameters() -> None:
     assert one_off(None) == []
     assert one_off({"sync": {"max_rate": 8}}) == ["sync.max_rate=8"]
     assert one_off({"sync.method": "als", "seed": 3}) == ['sync.method="als"', "seed=3"]
-    weights = {"left_wrist": 2.0}
-    assert one_off({"sync.joint_weights": weights}) == ['sync.joint_weights={"left_wrist": 2.0}']
+    shares = {"body25": 0.02}
+    assert one_off({"fit.noise_share_of": shares}) == ['fit.noise_share_of={"body25": 0.02}']
     assert one_off(["sync.max_rate=8"]) == ["sync.max_rate=8"]
 
 

@@ -1,4 +1,4 @@
-"""Unknown focal lengths are recovered where the videos show one motion."""
+"""Focal lengths come back where the videos show one motion; balance acts where no view does."""
 
 from dataclasses import replace
 
@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.common_motion import unknowns_of
+from imocap_core.motion.multiview.common_motion import (
+    balance_along_sight,
+    share_untold,
+    unknowns_of,
+)
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
-from imocap_core.params import MotionParams
+from imocap_core.params import FitParams, MotionParams
 from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes
+from tests.motion.test_terms import leaning
 
 TURNS_DEG = [0.0, 75.0, -80.0, 170.0]
 OFF = np.array([1.12, 0.9, 1.0, 0.86])  # of the true focal lengths
@@ -95,3 +100,33 @@ def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) ->
     still = replace(state, log_focal=torch.zeros_like(state.log_focal))
     assert float(elsewhere.cost(still)) == pytest.approx(0.0, abs=1e-12)
     assert float(prior.cost(moved)) == pytest.approx(FRAMES / SPREAD**2 * 4 * 0.1**2)
+
+
+def filmed_from(turns_deg: list[float], shown: np.ndarray) -> tuple[Made, Scene]:
+    """A scene of these views; shown: (M, FRAMES) confidence of their matches."""
+    made = scene(FRAMES, turns_deg, np.random.default_rng(3))
+    maps = [np.arange(float(FRAMES)) for _ in turns_deg]
+    timeline = make_timeline(maps, list(shown), FRAMES)
+    return made, Scene(
+        made.body, wide_prior(), made.observations, timeline, list(shown), 0, FitParams()
+    )
+
+
+def test_balance_counts_where_all_that_show_a_moment_look_along_one_line() -> None:
+    shown = np.ones((3, FRAMES))
+    shown[2, FRAMES // 2 :] = 0.0
+    made, across = filmed_from([0.0, 3.0, 80.0], shown)
+    share = share_untold(across, made.state, made.cameras())
+    assert (share[: FRAMES // 2 - 1] == 0).all()
+    assert (share[FRAMES // 2 :] > 0.9).all()
+    made, opposite = filmed_from([0.0, 180.0], np.ones((2, FRAMES)))
+    assert (share_untold(opposite, made.state, made.cameras()) > 0.9).all()
+
+
+def test_a_lean_along_the_only_line_of_sight_costs_and_across_others_does_not() -> None:
+    made, one_line = filmed_from([0.0, 2.0], np.ones((2, FRAMES)))
+    lean = leaning(0.4, FRAMES)
+    (term,) = balance_along_sight(one_line, lean, made.cameras())
+    assert float(term.cost(leaning(0.0, FRAMES))) < 0.25 * float(term.cost(lean))
+    made, across = filmed_from([0.0, 70.0], np.ones((2, FRAMES)))
+    assert balance_along_sight(across, lean, made.cameras()) == []

@@ -73,7 +73,7 @@ def test_no_default_lives_in_the_file(pipeline: Pipeline, content: dict[str, Any
         (
             ("params", "sync"),
             {"magic": 1},
-            "params: sync.magic: unknown parameter; expected one of affin",
+            "params: sync.magic: unknown parameter; expected one of method",
         ),
         (
             ("params", "magic"),

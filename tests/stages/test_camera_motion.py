@@ -78,6 +78,17 @@ def test_without_a_video_the_camera_stands_still_and_is_unknown(tmp_path):
     assert (unknown.focal_source, unknown.K[0, 0]) == ("assumed", SIZE[0])
 
 
+def test_an_assumed_focal_length_is_of_the_picture_between_black_bars(tmp_path):
+    frame = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+    frame[:, 110:210] = np.random.default_rng(0).integers(60, 255, size=(SIZE[1], 100, 3))
+    write_h264(tmp_path / "v1.mp4", (frame for _ in range(12)), 30.0, crf=16)
+    barred = run(tmp_path, keypoints_of("v1.mp4"))
+    assert (barred.motion, barred.focal_source) == ("static", "assumed")
+    assert barred.K[0, 0] == pytest.approx(SIZE[1], rel=0.02)
+    assert "black bars" in barred.note
+    assert run(tmp_path, keypoints_of("v1.mp4", focal_px=500.0)).K[0, 0] == 500.0
+
+
 def test_keypoints_are_carried_back_by_the_pan(followed):
     found = followed
     assert found.motion == "rotating"

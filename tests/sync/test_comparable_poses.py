@@ -166,14 +166,12 @@ def test_a_drifting_camera_is_no_vertical_motion() -> None:
 
 def test_who_stays_on_the_ground_changes_no_distance() -> None:
     poses = [still_poses(60, 1), still_poses(60, 2)]
-    plain = distance_matrix(poses, None, None, [FPS] * 2, PARAMS)
+    plain = distance_matrix(poses, None, [FPS] * 2, PARAMS)
     noise = [np.random.default_rng(v).normal(scale=0.01, size=60) for v in (3, 4)]
-    still = distance_matrix(poses, None, None, [FPS] * 2, PARAMS, heights=noise)
+    still = distance_matrix(poses, None, [FPS] * 2, PARAMS, heights=noise)
     one_jumps = [jumps(60, 0.0), noise[1]]
-    jumping = distance_matrix(poses, None, None, [FPS] * 2, PARAMS, heights=one_jumps)
-    unknown = distance_matrix(
-        poses, None, None, [FPS] * 2, PARAMS, heights=[np.full(60, np.nan)] * 2
-    )
+    jumping = distance_matrix(poses, None, [FPS] * 2, PARAMS, heights=one_jumps)
+    unknown = distance_matrix(poses, None, [FPS] * 2, PARAMS, heights=[np.full(60, np.nan)] * 2)
     least = PARAMS.least_difference_m**2
     np.testing.assert_array_equal(unknown.block(0, 1), plain.block(0, 1))
     for distances in (still, jumping):

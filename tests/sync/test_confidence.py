@@ -26,7 +26,7 @@ def matched() -> tuple[Route, DistanceMatrix, PairMaps]:
     """Three identical clips, matched frame by frame, with the mass 0.9."""
     rng = np.random.default_rng(0)
     poses = [pose_at(np.arange(T) / FPS) + 0.02 * rng.normal(size=(T, 12, 3)) for _ in range(3)]
-    distances = distance_matrix(poses, None, None, [FPS] * 3, SyncParams())
+    distances = distance_matrix(poses, None, [FPS] * 3, SyncParams())
     same = np.arange(float(T))
     pairs = {(i, j): same for i in range(3) for j in range(3) if i != j}
     route = Route(1, 0, same, np.full(T, 0.9), FPS, FPS, 3.0)

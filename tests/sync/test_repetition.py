@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from imocap_core.params import RepetitionParams
 from imocap_core.sync.repetition import (
     Repetitions,
     best_totals,
@@ -73,7 +72,7 @@ def _unsure(poses: Array, rng: np.random.Generator, sigma_m: float = 0.02) -> Ar
 
 
 def _find(poses: Array) -> Repetitions:
-    return find_repetitions(poses, FPS, RepetitionParams())
+    return find_repetitions(poses, FPS)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from imocap_core.params import SyncParams
 from imocap_core.sync import SyncEvidence, SyncResult, axes, reference, synchronise
 
 PARAMS = SyncParams(
-    affinity="reciprocal", method="softmap", rounds=2, warp="posterior", consensus_rounds=5,
+    method="softmap", rounds=2, warp="posterior", consensus_rounds=5,
     orientation_window_s=1.0, evidence_per_s=15.0, unmatched_level=1.0, regularity=0.5,
     rate_spread=0.7, rate_persistence_s=1.0, positions_per_frame=4, max_rate=np.inf,
     confidence_reach_s=0.1, normalise_scale=True, least_difference_m=0.04, outliers="exclude",
@@ -91,12 +91,7 @@ LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize(
-    ("changes", "limit_s"),
-    [
-        pytest.param({"consensus_rounds": 0}, 0.1, marks=LONG),
-        ({}, 0.03),
-        pytest.param({"affinity": "gaussian"}, 0.03, marks=LONG),
-    ],
+    ("changes", "limit_s"), [pytest.param({"consensus_rounds": 0}, 0.1, marks=LONG), ({}, 0.03)]
 )
 def test_recovers_given_warps(changes: dict[str, str | int], limit_s: float) -> None:
     phases, result = four_phases(), of_four(**changes)

@@ -70,18 +70,37 @@ def balance_terms(
     """
     if weights.balance == 0:
         return []
+    joints = body.positions(body.joints, state).detach().cpu().numpy()
+    filmed = [
+        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first)]
+        for x, o in zip(joints, observations, strict=True)
+    ]
+    return [balance_term(body, state, filmed, weights)]
+
+
+def balance_term(
+    body: Body,
+    state: MotionState,
+    filmed: Sequence[Sequence[FilmedBody]],
+    weights: FitParams,
+    shares: Float[np.ndarray, "B T"] | None = None,
+) -> Term:
+    """Balance of motions, each under the up that the cameras that film it tell together.
+
+    Args:
+        shares: of the weight of each frame; None: all of it.
+    """
     level = LevelPrior(
         weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
     )
-    joints = body.positions(body.joints, state).detach().cpu().numpy()
     arms, whitening = [], []
-    for x, o in zip(joints, observations, strict=True):
-        filmed = FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first)
-        arm, whiten = arms_above_support(filmed, estimate_up([filmed], level).up)
+    for v, bodies in enumerate(filmed):
+        up = estimate_up(bodies, level).up
+        arm, whiten = arms_above_support(bodies[0], up)
         arms.append(arm)
-        whitening.append(whiten)
+        whitening.append(whiten if shares is None else whiten * shares[v, :, None, None] ** 0.5)
     rows = padded(arms, state.trans), padded(whitening, state.trans)
-    return [Balance(body, *rows, weights.balance, SCALE_SIGMAS)]
+    return Balance(body, *rows, weights.balance, SCALE_SIGMAS)
 
 
 def arms_above_support(

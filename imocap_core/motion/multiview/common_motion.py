@@ -24,8 +24,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.camera.gravity import FilmedBody
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
-from imocap_core.motion.monocular.fit import Progress, regularisers
+from imocap_core.motion.monocular.fit import Progress, balance_term, regularisers
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
     Cameras,
@@ -310,6 +311,39 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
     return [JointEvidence(scene.body, estimates, strength, ESTIMATE_SIGMAS)]
 
 
+_ACROSS = 0.2  # sine of the angle between lines of sight at which balance counts half
+_LEAST_BALANCE = 0.1  # share of its weight below which it is left out
+
+
+def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
+    """Balance of the common motion in frames whose videos look along one line, where none of them
+    tells how far the body leans (`docs/motion.md`)."""
+    shares = share_untold(scene, motion, cameras)
+    if scene.fit.balance == 0 or not shares.any():
+        return []
+    joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
+    R = cameras.R.detach().cpu().numpy()
+    filmed = [
+        FilmedBody(joints, scene.fps, scene.observations[v].R_mean_from_first @ R[v])
+        for v in np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist()
+    ]
+    return [balance_term(scene.body, motion, [filmed], scene.fit, shares[None])]
+
+
+def share_untold(scene: Scene, motion: MotionState, cameras: Cameras) -> Float[np.ndarray, " N"]:
+    """Share of each frame's balance that no view replaces: 1 / (1 + the sum over the videos of
+    their matches' confidence times sin^2 of their angle to the line that most look along /
+    `_ACROSS`^2), 0 where it is small."""
+    root = scene.body.positions(scene.body.joints, motion)[0, :, 0].detach().cpu().numpy()
+    R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
+    sight = root + np.einsum("mji,mj->mi", R, t)[:, None]
+    sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+    moments = np.einsum("mn,mna,mnb->nab", scene.timeline.confidence, sight, sight)
+    across = np.linalg.eigvalsh(moments)[:, :2].sum(axis=1)
+    share = 1 / (1 + across / _ACROSS**2)
+    return np.where(share < _LEAST_BALANCE, 0.0, share)
+
+
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
 # A second start is the motion fitted at this one: a limb on the wrong side feels the keypoints of
 # the views that see it elsewhere. At the others those are outliers, and two opposite views agree
@@ -369,7 +403,8 @@ def fit_in_stages(
         progress(f"common motion, robust scale {stage:g}x")
         views = replace(views, robust_scale=final * stage)
         weighted = with_keypoint_spread(views, motion, spread_m)
-        fits = [fit_common_motion(weighted, begun, unknowns, terms, steps) for begun in starts]
+        balanced = [*terms, *balance_along_sight(scene, motion, cameras)]
+        fits = [fit_common_motion(weighted, begun, unknowns, balanced, steps) for begun in starts]
         motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
         starts = [motion]
         views = estimate_offset_sd(replace(views, cameras=cameras), motion, options)
