@@ -126,9 +126,8 @@ def pose_residuals(
 
 def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
     """Cost of the best monotone warp with open ends, for every direction at once."""
-    return np.array(
-        [_warp(of_direction, _step_costs(residual))[0].min() for of_direction in residual]
-    )
+    steps = _step_costs(residual)
+    return np.array([_warp(of_direction, steps)[0].min() for of_direction in residual])
 
 
 def _step_costs(residual: Float[np.ndarray, "*batch T N"]) -> Float[np.ndarray, " S"]:
