@@ -24,6 +24,7 @@ from imocap_core.motion.terms import Reprojection, View
 from imocap_core.params import FitParams
 from imocap_core.render import draw_mesh
 from imocap_core.sync.screening.registration import warp_costs
+from imocap_core.sync.warp.dtw import dtw
 from imocap_core.sync.warp.monotone import monotone_posterior
 
 FRAMES = 4
@@ -65,6 +66,7 @@ def main() -> int:
     compile_fit(body)
     monotone_posterior(np.ones((FRAMES, FRAMES)), unmatched=np.inf)
     warp_costs(np.ones((1, FRAMES, FRAMES)))
+    dtw(np.ones((FRAMES, FRAMES)))
     shaped = body.model.shape(torch.zeros(10).double())
     pose = torch.eye(3).double().expand(FRAMES, 24, 3, 3), torch.zeros(FRAMES, 3).double()
     vertices, faces = shaped.pose(*pose).mesh().vertices.numpy(), body.model.faces.numpy()

@@ -136,7 +136,8 @@ STRETCH_LIMIT = 0.4
 
 def edges_of(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "E 2"]:
     """The edges of a triangle mesh, each once, as pairs of vertex indices."""
-    return np.asarray(np.unique(np.sort(_directed_edges(faces), axis=1), axis=0))
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.asarray(np.unique(np.sort(directed, axis=1), axis=0))
 
 
 def stretched_edge_shares(
@@ -170,7 +171,3 @@ def _stretched(vertices, edges, limits):  # type: ignore[no-untyped-def]
             if squared < limits[0, e] or squared > limits[1, e]:
                 count[t] += 1
     return count
-
-
-def _directed_edges(faces: np.ndarray) -> np.ndarray:
-    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])

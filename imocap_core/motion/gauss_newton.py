@@ -7,10 +7,8 @@ has moved.
 A batch is split into its motions, each of its own length. Motions that share their globals step
 together; others are solved separately and stop when they have converged. On a CPU every motion has
 a thread, and a single motion has one for each half of its work: the blocks are too small for a
-linear algebra library's own threads to pay.
-
-Where motions are long fewer are worked on at once, and their normal equations are not kept for
-another damping but factored in place: memory is bounded by the longest motion, steps are the same.
+linear algebra library's own threads to pay. Of long ones fewer are worked on at once, and their
+equations are factored in place: memory is bounded by the longest, steps are the same.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The solver's unknowns, the keypoints and joints of the body for them, and their mirror images.
 
-Mirror images of motions, cameras and keypoints: reflection about the plane x = 0. A video that was
-filmed in a mirror, or flipped, shows left and right swapped. Its mirror image is taken in the axes
-of its own camera, x -> -x with S = diag(-1, 1, 1), so that pictures are reflected about the
-principal point. Every function is its own inverse.
+A video that was filmed in a mirror, or flipped, shows left and right swapped. Its mirror image is
+taken in the axes of its own camera, x -> -x with S = diag(-1, 1, 1), so that pictures are reflected
+about the principal point. Every function for this is its own inverse.
 """
 
 from __future__ import annotations

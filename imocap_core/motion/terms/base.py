@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -33,6 +33,17 @@ class Term(Protocol):
     def of(self, v: int, frames: int) -> Term:
         """The term of motion ``v`` alone (batch of 1), for its first frames."""
         ...
+
+
+_T = TypeVar("_T")
+
+
+class OneForAll:
+    """A term that is the same for every motion."""
+
+    def of(self: _T, v: int, frames: int) -> _T:
+        """Itself."""
+        return self
 
 
 @dataclass(frozen=True)

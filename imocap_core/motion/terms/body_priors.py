@@ -21,12 +21,13 @@ from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.motion.normal import NormalEquations, for_processor
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.motion.terms.base import OneForAll
 from imocap_core.rotations import inverse_right_jacobian
 from imocap_core.workers import compiled
 
 
 @dataclass(frozen=True)
-class PosePriorTerm:
+class PosePriorTerm(OneForAll):
     """Twice the negative log likelihood of each frame under its best component (max-mixture).
 
     Max-mixture (Olson & Agarwal, 2013; used for bodies by SMPLify) keeps the term a sum of
@@ -35,10 +36,6 @@ class PosePriorTerm:
 
     prior: PosePrior
     weight: float
-
-    def of(self, v: int, frames: int) -> PosePriorTerm:
-        """The same for every motion."""
-        return self
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion, summed over valid frames."""
@@ -104,7 +101,7 @@ LENGTH_COUNTS = (2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0)  # of each of `length_rates`
 
 
 @dataclass(frozen=True)
-class ShapePrior:
+class ShapePrior(OneForAll):
     """``beta^T precision beta``: beta is in standard deviations of the population."""
 
     precision: Float[Tensor, "n n"]
@@ -120,18 +117,10 @@ class ShapePrior:
         of_proportions = torch.eye(model.num_betas).to(hidden) - of_form - of_size
         return cls(weight * of_proportions + hidden_weight * of_form + size_weight * of_size)
 
-    def of(self, v: int, frames: int) -> ShapePrior:
-        """The same for every motion."""
-        return self
-
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        precision = self._precision(state)
-        cost = torch.einsum("bi,ij,bj->b", state.betas, precision, state.betas)
-        others = state.other_betas
-        if others.shape[1]:
-            cost = cost + torch.einsum("bpi,ij,bpj->b", others, precision, others)
-        return cost
+        betas = torch.cat([state.betas[:, None], state.other_betas], 1)
+        return torch.einsum("bpi,ij,bpj->b", betas, self._precision(state), betas)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """A constant block for every performer."""
@@ -197,24 +186,17 @@ HINGES = (
 
 
 @dataclass(frozen=True)
-class HingeLimits:
+class HingeLimits(OneForAll):
     """``weight * max(0, -flexion - slack)^2`` for both knees and elbows, radians."""
 
     weight: float
     slack_rad: float = 0.1
 
     def _violation(self, state: MotionState) -> list[tuple[int, int, float, Tensor]]:
-        parts = []
-        for name, axis, sign in HINGES:
-            joint = SMPL_JOINTS.index(name)
-            flexion = sign * state.axis_angle[:, :, joint, axis]
-            excess = (-flexion - self.slack_rad).clamp_min(0.0) * state.valid
-            parts.append((joint, axis, sign, excess))
-        return parts
-
-    def of(self, v: int, frames: int) -> HingeLimits:
-        """The same for every motion."""
-        return self
+        hinges = [(SMPL_JOINTS.index(name), axis, sign) for name, axis, sign in HINGES]
+        flexions = [sign * state.axis_angle[:, :, j, axis] for j, axis, sign in hinges]
+        excesses = [(-x - self.slack_rad).clamp_min(0.0) * state.valid for x in flexions]
+        return [(*hinge, x) for hinge, x in zip(hinges, excesses, strict=True)]
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
@@ -224,6 +206,8 @@ class HingeLimits:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Active only where violated."""
         for joint, axis, sign, excess in self._violation(state):
+            if not (excess > 0).any():
+                continue
             theta = state.axis_angle[:, :, joint]
             row = -sign * inverse_right_jacobian(theta)[..., axis, :]
             row = row * (excess > 0)[..., None]
@@ -234,7 +218,7 @@ class HingeLimits:
 
 
 @dataclass(frozen=True)
-class FocalPrior:
+class FocalPrior(OneForAll):
     """``weight * (log f - log f_assumed)^2`` of every free focal length.
 
     Attributes:
@@ -243,10 +227,6 @@ class FocalPrior:
 
     assumed: Float[Tensor, " F"]
     weight: Float[Tensor, " F"]
-
-    def of(self, v: int, frames: int) -> FocalPrior:
-        """The same for every motion."""
-        return self
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""

@@ -1,14 +1,11 @@
 """L_2d of Eq. 3: detected keypoints against the projected body, in one or several views.
 
-Inner solve (variable projection): the rigid offsets that fit a view's frames best. Plain
-Gauss-Newton on six unknowns a frame. This runs at every state that is tried, so it is one compiled
-loop, in the camera's axes, where a projection's derivative has four entries. The descent of the
-outer solve (`gauss_newton.descend`) would evaluate the cost of every step besides: the prior keeps
-these steps from running away without it.
+Inner solve (variable projection): the rigid offsets that fit a view's frames best, at every state
+that is tried. It is plain Gauss-Newton in one compiled loop, in the camera's axes, where a
+projection's derivative has four entries; the prior keeps its steps from running away.
 
-Residuals of several views of the same points, added to the normal equations at once. A view's
-residuals depend on the body through its points alone. So the residuals of all views are first
-gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
+A view's residuals depend on the body through its points alone. So the residuals of all views are
+first gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
 Jacobian instead of one a view.
 """
 

@@ -1,34 +1,33 @@
 """Temporal smoothness: Eq. 7 on the rotation manifold, and accelerations of joints in space.
 
-Real accelerations are heavy-tailed: nearly none most of the time, and large in a strike or a step.
-Their cost is logarithmic (the likelihood of Student's t), so rest is smooth and strikes stay sharp.
-
-Accelerations of joints in space, calm or vigorous for a while (Student's t over a window).
-Rotations that are smooth by themselves still add up: the noise of a hip, a trunk and an arm meets
-at the wrist. So the accelerations of joints are a term of their own. Those of real motion are
-heavy-tailed and come in spells: their cost is the logarithm of the energy of a short window, which
-calms a person at rest and lets a strike be.
-
-A smaller person nearer to the camera looks the same and accelerates less. So that calm does not
-shrink the body, accelerations are divided by its size.
+Real accelerations are heavy-tailed and come in spells: nearly none most of the time, and large in a
+strike or a step. Rotations' have a logarithmic cost (the likelihood of Student's t), so rest is
+smooth and strikes stay sharp. Rotations that are smooth by themselves still add up: the noise of a
+hip, a trunk and an arm meets at the wrist. So the accelerations of joints are a term of their own,
+its cost the logarithm of the energy of a short window. A smaller person nearer to the camera looks
+the same and accelerates less: accelerations are divided by the body's size, or calm would shrink
+it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.normal import NormalEquations, for_processor
 from imocap_core.motion.state import POSE, Body, MotionState, logarithms
-from imocap_core.motion.terms.base import isotropic, padded, pairs, triples
+from imocap_core.motion.terms.base import OneForAll, isotropic, padded, pairs, triples
 from imocap_core.robust import cauchy
+from imocap_core.workers import compiled
 
 
 @dataclass(frozen=True)
-class PoseSmoothness:
+class PoseSmoothness(OneForAll):
     """Rotation velocities (Eq. 7, as geodesics) and accelerations (as chords).
 
     Attributes:
@@ -41,17 +40,13 @@ class PoseSmoothness:
     acceleration_weight: Float[Tensor, "24"]
     acceleration_scale: float
 
-    def of(self, v: int, frames: int) -> PoseSmoothness:
-        """The same for every motion."""
-        return self
-
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
         step = _steps(state).square().sum(-1) * self.velocity_weight
         return step.sum((1, 2)) + self._bend(_chords(state))[0].sum((1, 2))
 
     def _bend(self, chord: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, T-2, 24) cost of second differences and its derivative by their weighted square."""
+        """(B, T-2, 24) cost of chords and its derivative by their weighted square."""
         squared = chord.square().sum((-1, -2)) / 2 * self.acceleration_weight
         return cauchy(squared, self.acceleration_scale)
 
@@ -59,10 +54,13 @@ class PoseSmoothness:
         """Velocity: its gradient by the increments is exactly (-r, +r), because a rotation keeps
         its own axis. Acceleration: the chord ``R0 - 2 R1 + R2`` is linear in each R, so
         ``d R = R hat(delta)`` gives exact 3x3 blocks."""
-        self._add_velocity(normal, state)
-        self._add_acceleration(normal, state)
-
-    def _add_velocity(self, normal: NormalEquations, state: MotionState) -> None:
+        if for_processor(state.R_local):
+            blocks = normal.diagonal, normal.next1, normal.next2, normal.gradient
+            weights = self.velocity_weight.numpy(), self.acceleration_weight.numpy()
+            arrays = (*blocks, state.R_local.contiguous(), _steps(state), state.valid)
+            for motion in zip(*(x.numpy() for x in arrays), strict=True):
+                _add_rotations(motion, *weights, self.acceleration_scale**2)
+            return
         step = (_steps(state) * self.velocity_weight[:, None]).flatten(2)
         pair = pairs(state.valid)
         weight = self.velocity_weight.repeat_interleave(3) * pair[..., None]
@@ -72,6 +70,7 @@ class PoseSmoothness:
         diagonal[:, :-1, :POSE] += weight
         diagonal[:, 1:, :POSE] += weight
         torch.diagonal(normal.next1, dim1=-2, dim2=-1)[:, :-1, :POSE] -= weight
+        self._add_acceleration(normal, state)
 
     def _add_acceleration(self, normal: NormalEquations, state: MotionState) -> None:
         frames = state.valid.shape[1]
@@ -97,8 +96,63 @@ class PoseSmoothness:
             _add_joint_blocks(target, _chord_block(turn) * share[..., None, None])
 
 
+@compiled
+def _add_rotations(arrays, speed, bend, limit):  # type: ignore[no-untyped-def]
+    """`PoseSmoothness.add_to` of one motion; limit: squared scale of accelerations."""
+    diagonal, next1, next2, gradient, R, steps, valid = arrays
+    chord = np.empty((3, 3))
+    for t in range(len(R) - 1):
+        if not (valid[t] and valid[t + 1]):
+            continue
+        for k in range(3 * len(speed)):
+            pull = steps[t, k // 3, k % 3] * speed[k // 3]
+            gradient[t, k] -= pull
+            gradient[t + 1, k] += pull
+            diagonal[t, k, k] += speed[k // 3]
+            diagonal[t + 1, k, k] += speed[k // 3]
+            next1[t, k, k] -= speed[k // 3]
+        if t + 2 == len(R) or not valid[t + 2]:
+            continue
+        for j in range(len(bend)):
+            a, b, c = R[t, j], R[t + 1, j], R[t + 2, j]
+            squared = 0.0
+            for i in range(9):
+                chord[i // 3, i % 3] = a[i // 3, i % 3] - 2 * b[i // 3, i % 3] + c[i // 3, i % 3]
+                squared += chord[i // 3, i % 3] ** 2
+            weight = bend[j] / 2 * limit / (limit + squared / 2 * bend[j])
+            _add_end(diagonal[t], gradient[t], a, chord, weight, 1.0, 3 * j)
+            _add_end(diagonal[t + 1], gradient[t + 1], b, chord, weight, -2.0, 3 * j)
+            _add_end(diagonal[t + 2], gradient[t + 2], c, chord, weight, 1.0, 3 * j)
+            _add_relative(next1[t], a, b, -2 * weight, 3 * j)
+            _add_relative(next1[t + 1], b, c, -2 * weight, 3 * j)
+            _add_relative(next2[t], a, c, weight, 3 * j)
+
+
+@compiled
+def _add_end(diagonal, gradient, R, chord, weight, coefficient, first):  # type: ignore[no-untyped-def]
+    """What a chord adds to the rotation R in it: the slope by ``<chord, R hat(delta)>``."""
+    for i in range(3):
+        p, q, pull = (i + 1) % 3, (i + 2) % 3, 0.0
+        for k in range(3):
+            pull += R[k, q] * chord[k, p] - R[k, p] * chord[k, q]
+        gradient[first + i] += coefficient * weight * pull
+        diagonal[first + i, first + i] += 2 * coefficient**2 * weight
+
+
+@compiled
+def _add_relative(target, a, b, weight, first):  # type: ignore[no-untyped-def]
+    """Add `_chord_block` of ``a^T b``, weighted."""
+    for i in range(3):
+        for k in range(3):
+            product = weight * (a[0, i] * b[0, k] + a[1, i] * b[1, k] + a[2, i] * b[2, k])
+            target[first + k, first + i] -= product
+            if i == k:
+                for n in range(3):
+                    target[first + n, first + n] += product
+
+
 @dataclass(frozen=True)
-class PathSmoothness:
+class PathSmoothness(OneForAll):
     """Velocity and acceleration of the root path.
 
     Attributes:
@@ -109,23 +163,17 @@ class PathSmoothness:
     acceleration_weight: float
 
     def _stencils(self, state: MotionState) -> list[tuple[float, tuple[float, ...], Tensor]]:
-        bends = triples(state.valid) if state.valid.shape[1] > 2 else state.valid[:, :0]
         return [
             (self.velocity_weight, (-1.0, 1.0), pairs(state.valid)),
-            (self.acceleration_weight, (1.0, -2.0, 1.0), bends),
+            (self.acceleration_weight, _STENCIL, triples(state.valid)),
         ]
-
-    def of(self, v: int, frames: int) -> PathSmoothness:
-        """The same for every motion."""
-        return self
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
         total = torch.zeros_like(state.betas[:, 0])
         for weight, stencil, mask in self._stencils(state):
-            if mask.shape[1]:
-                difference = _difference(state.trans, stencil) * mask[..., None]
-                total = total + weight * difference.square().sum((1, 2))
+            difference = _difference(state.trans, stencil) * mask[..., None]
+            total = total + weight * difference.square().sum((1, 2))
         return total
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
@@ -133,8 +181,6 @@ class PathSmoothness:
         blocks = (normal.diagonal, normal.next1, normal.next2)
         for weight, stencil, mask in self._stencils(state):
             length = mask.shape[1]
-            if not length:
-                continue
             difference = _difference(state.trans, stencil) * mask[..., None] * weight
             for a, ca in enumerate(stencil):
                 normal.gradient[:, a : a + length, POSE:] += ca * difference
@@ -157,10 +203,7 @@ def _steps(state: MotionState) -> Tensor:
 
 def _chords(state: MotionState) -> Tensor:
     """(B, T-2, 24, 3, 3) second difference of the rotation matrices."""
-    R = state.R_local
-    if R.shape[1] < 3:
-        return R[:, :0]
-    return _difference(R, (1.0, -2.0, 1.0)) * triples(state.valid)[..., None, None, None]
+    return _difference(state.R_local, _STENCIL) * triples(state.valid)[..., None, None, None]
 
 
 def _difference(x: Tensor, stencil: tuple[float, ...]) -> Tensor:
@@ -202,11 +245,11 @@ SCALE_M_S2 = {
 }
 TAIL = (FREEDOM + 3.0) ** 0.5  # scale of the Cauchy loss that is this likelihood in 3 dimensions
 WINDOW_S = 0.15
-STENCIL = (1.0, -2.0, 1.0)
+_STENCIL = (1.0, -2.0, 1.0)
 
 
 @dataclass(frozen=True)
-class JointAcceleration:
+class JointAcceleration(OneForAll):
     """Student's t likelihood of the mean squared acceleration in a window about each frame.
 
     Attributes:
@@ -218,10 +261,6 @@ class JointAcceleration:
     fps: float
     weight: float
 
-    def of(self, v: int, frames: int) -> JointAcceleration:
-        """The same for every motion."""
-        return self
-
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
         xyz = self.body.positions(self.body.moving, state)
@@ -230,8 +269,7 @@ class JointAcceleration:
 
     def _size(self, state: MotionState) -> tuple[Float[Tensor, " B"], Float[Tensor, " n"]]:
         """Height of the head above the ankles at rest, 1 for the mean body, and its gradient."""
-        rows = self.body.joints.names
-        ends = [rows.index(name) for name in ("head", "left_ankle", "right_ankle")]
+        ends = [SMPL_JOINTS.index(name) for name in ("head", "left_ankle", "right_ankle")]
         share = state.trans.new_tensor([1.0, -0.5, -0.5])
         model, count = self.body.model, state.betas.shape[1]
         mean = share @ model.joints_template.to(share)[ends, 1]
@@ -256,7 +294,7 @@ class JointAcceleration:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """An acceleration is linear in three frames' joints: with derivatives J and weights W,
         frames i apart get ``J^T W J'`` of the stencils that hold both."""
-        if state.valid.shape[1] < len(STENCIL):
+        if state.valid.shape[1] < len(_STENCIL):
             return
         points, (size, slope) = self.body.derivatives(self.body.moving, state), self._size(state)
         size = size[:, None, None, None]
@@ -276,8 +314,6 @@ class JointAcceleration:
 
 def _bends(xyz: Tensor, valid: Tensor) -> Tensor:
     """(B, T-2, J, 3) second differences, 0 where a frame is padding."""
-    if xyz.shape[1] < len(STENCIL):
-        return xyz[:, :0]
     return _second_difference(xyz) * triples(valid)[..., None, None]
 
 
@@ -295,7 +331,7 @@ def _window_mean(x: Tensor, half: int) -> Tensor:
 def _pair_weights(weight: Tensor, apart: int) -> Tensor:
     """(B, T - apart, 3J) weight of each pair of frames: the sum over the stencils with both."""
     total = torch.zeros(()).to(weight)
-    for k in range(len(STENCIL) - apart):
-        product = STENCIL[k] * STENCIL[k + apart]
-        total = total + product * padded(weight, k, len(STENCIL) - 1 - apart - k)
+    for k in range(len(_STENCIL) - apart):
+        product = _STENCIL[k] * _STENCIL[k + apart]
+        total = total + product * padded(weight, k, len(_STENCIL) - 1 - apart - k)
     return total

@@ -1,11 +1,9 @@
 """A camera's view of a batch of motions: projection and its derivative, rigid offsets.
 
-Per-frame rigid offset of a performance against the common motion. Whoever repeats an action stands
-elsewhere and faces elsewhere, a little, at every moment. In a view of the common motion that is six
-numbers a frame, ``d = (rotation, translation)``, small with a given spread. They are minimised out
-of each frame's residuals (variable projection, `inner_solve`), so the objective stays a function of
-the common motion alone and its normal equations lose what the offsets could explain (a Schur
-complement of 6 x 6).
+Whoever repeats an action stands and faces elsewhere, a little, at every moment: in a view of the
+common motion six numbers a frame, ``d = (rotation, translation)``, small with a given spread. They
+are minimised out of each frame's residuals (variable projection), so the objective stays a function
+of the common motion alone and its equations lose what offsets could explain (Schur).
 """
 
 from __future__ import annotations

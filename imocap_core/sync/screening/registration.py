@@ -126,9 +126,8 @@ def pose_residuals(
 
 def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
     """Cost of the best monotone warp with open ends, for every direction at once."""
-    return np.array(
-        [_warp(of_direction, _step_costs(residual))[0].min() for of_direction in residual]
-    )
+    steps = _step_costs(residual)
+    return np.array([_warp(of_direction, steps)[-1].min() for of_direction in residual])
 
 
 def _step_costs(residual: Float[np.ndarray, "*batch T N"]) -> Float[np.ndarray, " S"]:
@@ -139,18 +138,17 @@ def _step_costs(residual: Float[np.ndarray, "*batch T N"]) -> Float[np.ndarray, 
 
 @compiled
 def _warp(residual, steps):  # type: ignore[no-untyped-def]
-    """Costs (N,) of the best warps that end at each position, and the step to each frame's
-    position on them (T, N)."""
-    total, taken = residual[0].copy(), np.zeros(residual.shape, np.int64)
-    for t in range(1, len(residual)):
-        last = total.copy()
-        for k in range(len(last)):
-            best = last[k] + steps[0]
-            for step in range(1, min(k, len(steps) - 1) + 1):
-                if last[k - step] + steps[step] < best:
-                    best, taken[t, k] = last[k - step] + steps[step], step
-            total[k] = best + residual[t, k]
-    return total, taken
+    """Costs (T, N) of the best warps of the first frames that end at each position."""
+    total, best = residual.copy(), np.empty(residual.shape[1])
+    for t in range(1, len(total)):
+        last = total[t - 1]
+        best[:] = last + steps[0]
+        for step in range(1, len(steps)):
+            for k in range(step, len(best)):
+                cost = last[k - step] + steps[step]
+                best[k] = cost if cost < best[k] else best[k]
+        total[t] += best
+    return total
 
 
 def best_warp(residual: Float[np.ndarray, "T N"]) -> tuple[float, Int[np.ndarray, " T"]]:
@@ -167,8 +165,10 @@ def best_warp(residual: Float[np.ndarray, "T N"]) -> tuple[float, Int[np.ndarray
 
 def warp_path(residual: Float[np.ndarray, "T N"]) -> Int[np.ndarray, " T"]:
     """The position of each frame on the best warp of one direction, as costed by `warp_costs`."""
-    total, taken = _warp(residual, _step_costs(residual))
-    path = [int(total.argmin())]
-    for step_to in taken[:0:-1]:
-        path.append(path[-1] - int(step_to[path[-1]]))
+    steps = _step_costs(residual)
+    total = _warp(residual, steps)
+    path = [int(total[-1].argmin())]
+    for last in total[-2::-1]:
+        before = last[max(0, path[-1] + 1 - len(steps)) : path[-1] + 1][::-1]
+        path.append(path[-1] - int((before + steps[: len(before)]).argmin()))
     return np.array(path[::-1])

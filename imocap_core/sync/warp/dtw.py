@@ -16,45 +16,40 @@ from jaxtyping import Float, Int
 from imocap_core.params import SyncParams
 from imocap_core.sync.maps import BlockMaps
 from imocap_core.sync.warp.template import mass_within
+from imocap_core.workers import compiled
 
 _START, _DIAGONAL, _DOWN, _RIGHT = 0, 1, 2, 3
 
 
-def _skewed(cost: np.ndarray) -> np.ndarray:
-    """Anti-diagonals as rows: out[i + j, i] = cost[i, j]; infinite elsewhere."""
+@compiled
+def _accumulate(cost, skip):  # type: ignore[no-untyped-def]
+    """The step that leads to each cell (n, m), the last cell of the cheapest path, and its cost.
+
+    Of equally cheap ends that on the earliest anti-diagonal, there in the earliest row.
+    """
     n, m = cost.shape
-    out = np.full((n, n + m), np.inf)
+    step, total, open_ends = np.empty((n, m), np.uint8), np.full(m, np.inf), np.isfinite(skip)
+    row, column, best = 0, 0, np.inf
     for i in range(n):
-        out[i, i : i + m] = cost[i]
-    return np.ascontiguousarray(out.T[: n + m - 1])
-
-
-def _accumulate(cost: np.ndarray, skip: float) -> tuple[np.ndarray, np.ndarray]:
-    """Skewed accumulated cost and, for each cell, the step that leads to it; one anti-diagonal at
-    a time."""
-    n, m = cost.shape
-    skew = _skewed(cost)
-    step = np.zeros(skew.shape, dtype=np.uint8)
-    total = np.full((n + m - 1, n), np.inf)
-    # cost of the frames skipped before a path that starts in the cell
-    start = np.full((n + m - 1, n), np.inf)
-    start[0, 0] = 0.0
-    if np.isfinite(skip):
-        start[np.arange(m), 0] = skip * np.arange(m)
-        start[np.arange(n), np.arange(n)] = skip * np.arange(n)
-    total[0] = start[0] + 2.0 * skew[0]
-    nothing = np.array([np.inf])
-    before = np.full(n, np.inf)
-    for d in range(1, n + m - 1):
-        c = skew[d]
-        diagonal = np.concatenate([nothing, before[:-1]]) + 2.0 * c
-        down = np.concatenate([nothing, total[d - 1, :-1]]) + c
-        right = total[d - 1] + c
-        options = np.stack([start[d] + 2.0 * c, diagonal, down, right])
-        step[d] = options.argmin(axis=0)
-        total[d] = options.min(axis=0)
-        before = total[d - 1]
-    return total, step
+        corner = left = np.inf  # totals of the row before and of this one, a column back
+        for j in range(m):
+            here, value, taken = cost[i, j], np.inf, _START
+            if (i == 0 or j == 0) and (open_ends or i + j == 0):
+                value = (skip * (i + j) if i + j else 0.0) + 2.0 * here
+            if corner + 2.0 * here < value:
+                value, taken = corner + 2.0 * here, _DIAGONAL
+            if total[j] + here < value:
+                value, taken = total[j] + here, _DOWN
+            if left + here < value:
+                value, taken = left + here, _RIGHT
+            corner, left = total[j], value
+            total[j], step[i, j] = value, taken
+            rest = (n - 1 - i) + (m - 1 - j)
+            if (i == n - 1 or j == m - 1) and (open_ends or rest == 0):
+                value += skip * rest if rest else 0.0
+                if value < best or (value == best and i + j < row + column):
+                    row, column, best = i, j, value
+    return step, row, column, best
 
 
 def dtw(
@@ -72,28 +67,16 @@ def dtw(
     """
     if cost.ndim != 2 or 0 in cost.shape:
         raise ValueError(f"cost: expected a matrix (n, m) with n, m >= 1, got shape {cost.shape}")
-    n, m = cost.shape
     missing = np.isnan(cost)
     if missing.any():
-        valid = cost[~missing]
-        cost = np.where(
-            missing, skip if np.isfinite(skip) else (valid.mean() if valid.size else 0.0), cost
-        )
-    total, step = _accumulate(cost, skip)
-    finish = np.full(total.shape, np.inf)
-    finish[n + m - 2, n - 1] = 0.0
-    if np.isfinite(skip):
-        rows, columns = np.arange(n), np.arange(m)
-        finish[rows + m - 1, rows] = skip * (n - 1 - rows)
-        finish[n - 1 + columns, n - 1] = skip * (m - 1 - columns)
-    ends = total + finish
-    d, i = divmod(int(np.argmin(ends)), n)
-    best = float(ends[d, i])
-    path = [(i, d - i)]
-    while d and step[d, i] != _START:
-        taken = step[d, i]
-        d, i = d - (2 if taken == _DIAGONAL else 1), i - (0 if taken == _RIGHT else 1)
-        path.append((i, d - i))
+        usual = 0.0 if missing.all() else cost[~missing].mean()
+        cost = np.where(missing, skip if np.isfinite(skip) else usual, cost)
+    step, i, j, best = _accumulate(cost, skip)
+    path = [(i, j)]
+    while i + j and step[i, j] != _START:
+        taken = step[i, j]
+        i, j = i - (taken != _RIGHT), j - (taken != _DOWN)
+        path.append((i, j))
     return np.array(path[::-1], dtype=np.int64), best
 
 
@@ -136,8 +119,8 @@ def _skip_cost(relaxed: BlockMaps, reference: int, unmatched_level: float) -> fl
     typical entries."""
     if not np.isfinite(unmatched_level):
         return np.inf
-    others = [v for v in range(len(relaxed.blocks.lengths)) if v != reference]
-    maps = [relaxed.block(v, reference) for v in others]
+    videos = range(len(relaxed.blocks.lengths))
+    maps = [relaxed.block(v, reference) for v in videos if v != reference]
     best = float(np.mean([np.median(b.max(axis=1)) for b in maps])) if maps else 1.0
     usual = float(np.mean([np.median(b) for b in maps])) if maps else 0.0
     return -(best + unmatched_level * (usual - best))
