@@ -23,6 +23,7 @@ from tests.motion.test_terms import leaning
 TURNS_DEG = [0.0, 75.0, -80.0, 170.0]
 OFF = np.array([1.12, 0.9, 1.0, 0.86])  # of the true focal lengths
 SPREAD = 0.15
+STEADY = FitParams(camera_pitch_deg=3.0)
 
 
 @pytest.fixture(scope="module")
@@ -103,22 +104,20 @@ def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) ->
 
 
 def filmed_from(turns_deg: list[float], shown: np.ndarray) -> tuple[Made, Scene]:
-    """A scene of these views; shown: (M, FRAMES) confidence of their matches."""
+    """A scene of these views, 8 frames a second; shown: (M, FRAMES) confidence of their matches."""
     made = scene(FRAMES, turns_deg, np.random.default_rng(3))
-    maps = [np.arange(float(FRAMES)) for _ in turns_deg]
-    timeline = make_timeline(maps, list(shown), FRAMES)
-    return made, Scene(
-        made.body, wide_prior(), made.observations, timeline, list(shown), 0, FitParams()
-    )
+    slow = [replace(o, fps=8.0) for o in made.observations]
+    timeline = make_timeline([np.arange(float(FRAMES))] * len(slow), list(shown), FRAMES)
+    return made, Scene(made.body, wide_prior(), slow, timeline, list(shown), 0, STEADY)
 
 
 def test_balance_counts_where_all_that_show_a_moment_look_along_one_line() -> None:
     shown = np.ones((3, FRAMES))
-    shown[2, FRAMES // 2 :] = 0.0
+    shown[2, 10:] = 0.0
     made, across = filmed_from([0.0, 3.0, 80.0], shown)
     share = share_untold(across, made.state, made.cameras())
-    assert (share[: FRAMES // 2 - 1] == 0).all()
-    assert (share[FRAMES // 2 :] > 0.9).all()
+    assert (share[:14] == 0).all()  # half a second beyond what the third view shows
+    assert (share[14:] > 0.9).all()
     made, opposite = filmed_from([0.0, 180.0], np.ones((2, FRAMES)))
     assert (share_untold(opposite, made.state, made.cameras()) > 0.9).all()
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from imocap_core.camera.gravity import FilmedBody
@@ -313,11 +314,11 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
 
 _ACROSS = 0.2  # sine of the angle between lines of sight at which balance counts half
 _LEAST_BALANCE = 0.1  # share of its weight below which it is left out
+_TOLD_S = 0.5  # what views tell of a moment holds so long before and after
 
 
 def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
-    """Balance of the common motion in frames whose videos look along one line, where none of them
-    tells how far the body leans (`docs/motion.md`)."""
+    """Balance of the common motion where all videos look along one line, which hides any lean."""
     shares = share_untold(scene, motion, cameras)
     if scene.fit.balance == 0 or not shares.any():
         return []
@@ -331,15 +332,16 @@ def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> 
 
 
 def share_untold(scene: Scene, motion: MotionState, cameras: Cameras) -> Float[np.ndarray, " N"]:
-    """Share of each frame's balance that no view replaces: 1 / (1 + the sum over the videos of
-    their matches' confidence times sin^2 of their angle to the line that most look along /
-    `_ACROSS`^2), 0 where it is small."""
+    """Share of each frame's balance that no view replaces, 0 where it is small: 1 / (1 + s /
+    `_ACROSS`^2), s the sum over the videos of their matches' confidence times sin^2 of their angle
+    to the line that most look along, the largest of half a second."""
     root = scene.body.positions(scene.body.joints, motion)[0, :, 0].detach().cpu().numpy()
     R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
     sight = root + np.einsum("mji,mj->mi", R, t)[:, None]
     sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
     moments = np.einsum("mn,mna,mnb->nab", scene.timeline.confidence, sight, sight)
     across = np.linalg.eigvalsh(moments)[:, :2].sum(axis=1)
+    across = maximum_filter1d(across, 2 * round(_TOLD_S * scene.fps) + 1)
     share = 1 / (1 + across / _ACROSS**2)
     return np.where(share < _LEAST_BALANCE, 0.0, share)
 
