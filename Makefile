@@ -15,7 +15,8 @@
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
 #   make audit             known vulnerabilities of the pinned packages (asks the package index; its tools in .venv-audit)
 #   make sbom              what is installed in .venv, as a CycloneDX SBOM in build/sbom.json
-#   make docs               the documentation as a site in build/site (its tools in .venv-docs)
+#   make gallery           viewers of actions that have been run, small enough for a phone, in build/gallery
+#   make docs              the documentation as a site in build/site (its tools in .venv-docs), with the gallery
 #   make baseline          accept today's numbers as those that tests/regression holds
 #   make clean             remove what was built (.venv, .venv-*, caches); actions/ and artifacts/ stay
 #
@@ -39,7 +40,7 @@ HASHES ?= --require-hashes
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean docs dist measure fuzz chaos audit sbom
+.PHONY: help setup all test test-all test-pythons test-readers bench check baseline lint format clean docs gallery dist measure fuzz chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -117,9 +118,15 @@ sbom: .venv-audit/.installed $(STAMP)
 	@.venv-audit/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible -o build/sbom.json $(VENV)
 	@echo "imocap: build/sbom.json"
 
-docs: .venv-docs/.installed
-	@$(BIN)/imocap view yoga --out build/gallery/yoga.html >/dev/null 2>&1 || \
-	  test -f build/gallery/yoga.html || echo "imocap: the gallery shows a picture instead of the viewer; make all ACTION=yoga first"
+# Real and captured actions come from the benchmarks' runs: imocap benchmark real, imocap benchmark trials.
+BENCHMARKED := artifacts/benchmark
+GALLERY := yoga taichi $(BENCHMARKED)/real/balance_beam $(BENCHMARKED)/trials-fine_tuned-4v/cmu_soccer_kick_s10
+gallery:
+	@for each in $(GALLERY); do name=$${each##*/}; \
+	  $(BIN)/imocap --root $$(dirname $$each) view $$name --small --out build/gallery/$$name.html >/dev/null 2>&1 || \
+	  test -f build/gallery/$$name.html || echo "imocap: $$each has no current result; the gallery shows a picture instead"; done
+
+docs: .venv-docs/.installed gallery
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
 	@echo "imocap: the site is build/site/index.html"
 

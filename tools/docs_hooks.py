@@ -2,8 +2,8 @@
 
 The pages are written to be read in the repository, where a link may lead to any of its files. In
 the site, README.md and the others of `FROM_ROOT` are pages too, and a link to a file that is no
-page becomes its text. Viewers that lie in build/gallery (`make docs` writes them, of actions that
-have been run) take the place of their pictures; they are too large to be committed.
+page becomes its text. Viewers that lie in build/gallery (`make gallery` writes them, of actions
+that have been run) become pages that their pictures lead to; they are too large to be committed.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ FROM_ROOT = {
     "CHANGELOG.md": "changelog.md",
 }
 GALLERY = ROOT / "build" / "gallery"
-VIEWER = re.compile(r"<!-- viewer (\w+) -->\n.*?<!-- /viewer -->", re.S)
-FRAME = """<iframe src="gallery/{name}.html" title="The viewer on {name}" loading="lazy"
-allowfullscreen style="width: 100%; aspect-ratio: 4 / 3; min-height: 30rem; border: 0"></iframe>
+VIEWER = re.compile(r"<!-- viewer (\w+) -->\n(.*?)\n<!-- /viewer -->", re.S)
+LINKED = """[{picture}](gallery/{name}.html)
 
-[Full page](gallery/{name}.html){{target=_blank}} ({size:.1f} MB)"""
+[Turn it and play it: the viewer of {name}](gallery/{name}.html) ({size:.1f} MB)"""
 BARRED = re.compile(r"`([^`]*\\\|[^`]*)`")  # code with bars, in a table
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
@@ -55,14 +54,15 @@ def bars_of_code(code: str) -> str:
 
 
 def with_viewers(text: str, folder: Path) -> str:
-    """A page with the viewers that are in the folder in place of their pictures."""
+    """A page whose pictures lead to those of their viewers that are in the folder."""
 
-    def framed(viewer: re.Match[str]) -> str:
-        file = folder / f"{viewer[1]}.html"
+    def linked(viewer: re.Match[str]) -> str:
+        name, picture = viewer.groups()
+        file = folder / f"{name}.html"
         size = file.stat().st_size / 1e6 if file.is_file() else 0.0
-        return FRAME.format(name=viewer[1], size=size) if size else viewer[0]
+        return LINKED.format(name=name, picture=picture, size=size) if size else viewer[0]
 
-    return VIEWER.sub(framed, text)
+    return VIEWER.sub(linked, text)
 
 
 def moved_into_docs(text: str) -> str:

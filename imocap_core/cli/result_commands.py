@@ -41,6 +41,9 @@ def view_command(
         Path | None,
         typer.Option(metavar="FILE", help="File to write to (default: viewer.html in the report)."),
     ] = None,
+    small: Annotated[
+        bool, typer.Option("--small", help="Fewer and smaller pictures, for a phone.")
+    ] = False,
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
@@ -68,6 +71,7 @@ def view_command(
         viewer = view(
             action,
             out,
+            small=small,
             root=root_of(context),
             params=sets,
             progress=lambda share, what: status.update(f"viewer: {escape(what)}"),

@@ -125,7 +125,7 @@ def left_out_findings(keypoints: Keypoints) -> list[Finding]:
             "decision",
             video.id,
             f"left out, the result is that of the other videos: {video.reason}",
-            "left out, it cannot be used as it is",
+            f"left out: {video.reason}",
             f"mend it or remove {video.id} from action.yaml",
         )
         for video in keypoints.left_out or ()

@@ -160,6 +160,7 @@ def view(
     action: str | Path,
     out: str | Path | None = None,
     *,
+    small: bool = False,
     root: str | Path = ".",
     params: Params = None,
     progress: Callable[[float, str], None] = lambda share, what: None,
@@ -168,6 +169,7 @@ def view(
 
     Args:
         out: the .html file; else viewer.html in its report.
+        small: with fewer and smaller pictures, for a phone.
         params: those that the result was made with, as of `run`.
         progress: a function of (share, text).
     """
@@ -183,9 +185,9 @@ def view(
     if out is None and not possible:
         return Viewer(name, page, None, False)
     if out is not None:
-        return Viewer(name, page, file, write_viewer(_current(job, sets), file, progress))
+        return Viewer(name, page, file, write_viewer(_current(job, sets), file, progress, small))
     with job.store.lock(name, lambda: progress(0.0, "a run of this action is at work; waiting")):
-        written = write_viewer(_current(job, sets), file, progress)
+        written = write_viewer(_current(job, sets), file, progress, small)
         record_made(file.parent, [file.name])
         refresh_pages(job.store, name)
     return Viewer(name, page, file, written)

@@ -313,7 +313,7 @@ def explain_faults(error: ValidationError, file: str) -> str:
         elif fault["type"] == "value_error":
             lines.append(f"{file}: {where}: {message}")
         else:
-            message = message.replace("Input should be", "expected")
+            message = message.replace("Input should be", "expected").replace("valid tuple", "list")
             lines.append(f"{file}: {where}: {message}, got {_short(fault['input'])}")
     return "\n".join(lines)
 

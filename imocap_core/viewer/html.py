@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -58,8 +59,8 @@ class Block:
         return {"$": kind, "at": offset, "count": len(array)}
 
     def base64(self) -> str:
-        """Everything, as text for the page."""
-        return base64.b64encode(b"".join(self._parts)).decode("ascii")
+        """Everything, deflated, as text for the page."""
+        return base64.b64encode(zlib.compress(b"".join(self._parts), 9)).decode("ascii")
 
 
 def quantised(values: ArrayLike) -> tuple[Int16[np.ndarray, "..."], float]:

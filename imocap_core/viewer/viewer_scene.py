@@ -45,7 +45,8 @@ from imocap_core.viewer.html import (
     shape_entry,
 )
 from imocap_core.viewer.viewer_video import (
-    MOST_PICTURES,
+    PICTURES,
+    SMALL,
     camera_entry,
     detected_entry,
     identity_entry,
@@ -74,7 +75,6 @@ def contact_spans(
 
 _LEGEND = "grid 0.5 m · paths start pale · "
 _ASIDE_RAD = 0.45  # the view opens from this far beside the reference camera
-_OF_DRAFT = 200  # pictures of a page before the run's end
 _ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 
 
@@ -100,14 +100,14 @@ def scene(
     model: Model,
     block: Block,
     progress: Callable[[float, str], None] = lambda share, what: None,
-    pictures_at_most: int = MOST_PICTURES,
+    small: bool = False,
 ) -> dict[str, Any]:
     """The header; arrays go into `block`.
 
     Args:
         result: as it was read, in the reference camera's axes.
         model: the body, with fingers (52 joints) when the result has hands.
-        pictures_at_most: of all videos together; of longer ones one of several frames.
+        small: fewer and smaller pictures.
 
     ValueError when a file is no readable video, WorkFailed when an artifact is missing.
     """
@@ -119,7 +119,8 @@ def scene(
     detected = keypoints.videos
     windows = windows_of([_straight_boxes(v) for v in result], [v.size for v in detected])
     filmed = [len(video) for video in result if video.video is not None]
-    every, videos, finals = stride(filmed, pictures_at_most), [], []
+    most, longest_px = SMALL if small else PICTURES
+    every, videos, finals, count = stride(filmed, most), [], [], len(sync.ids)
     for i, (video, window) in enumerate(zip(level, windows, strict=True)):
         progress(i / len(level), video.id)
         motions = {
@@ -134,12 +135,12 @@ def scene(
         pictures = None
         if video.video is not None:
             frames, lens = video.keypoints.frames, video.camera.lens
-            pictures = picture_entry(block, video.video, frames, every, window, lens)
+            pictures = picture_entry(block, video.video, frames, every, window, lens, longest_px)
         entry = _video_entry(block, result, level, i, alone[i])
         videos.append({**entry, "answers": answers, "view": list(window), "pictures": pictures})
     return {
         "title": result.action,
-        "lead": _lead(sync),
+        "lead": f"{count} videos, played at {sync.reference}'s pace" if count > 1 else "1 video",
         "legend": _LEGEND + model.name.replace("_", " "),
         "verdict": _verdict_entry(result),
         "reference": sync.reference,
@@ -236,11 +237,6 @@ def _box(points: Float[np.ndarray, "N 3"]) -> list[list[float]]:
     return [ends[list(corner), [0, 1, 2]].tolist() for corner in product((0, 1), repeat=3)]
 
 
-def _lead(sync: SyncSummary) -> str:
-    count = len(sync.ids)
-    return "1 video" if count == 1 else f"{count} videos, played at {sync.reference}'s pace"
-
-
 FILE_NAME = "viewer.html"
 NEEDED = ("keypoints", "camera_motion", "initial_smpl", "refine_sync")
 _STAMPED = '<meta name="made-from" content="'
@@ -252,22 +248,24 @@ def can_be_viewed(store: Store, action: str) -> bool:
     return all(store.current(action, stage).is_file() for stage in NEEDED)
 
 
-def write_viewer(result: ActionResult, out: Path, progress: Callable[[float, str], None]) -> bool:
+def write_viewer(
+    result: ActionResult, out: Path, progress: Callable[[float, str], None], small: bool = False
+) -> bool:
     """Write the page, unless the file is already made from just this; whether it was written.
 
     WorkFailed names the artifact that is missing or unreadable, or the file that can't be written.
     """
     for kind in (CameraMotion, InitialSmpl):
         result.artifacts.get(kind)
-    stamp = _stamp(result)
+    stamp = _stamp(result, small)
     if _made_from(out) == stamp:
         return False
-    if out.exists() and out.stat().st_size and not _is_viewer(out):
+    if out.exists() and out.stat().st_size and _STAMPED not in _head(out):
         raise WorkFailed(f"{out} exists and is no viewer; choose another name with --out")
     block = Block()
     try:
         hands = any(video.hands is not None for video in result)
-        header = scene(result, body_model_of(result.videos[0], hands), block, progress)
+        header = scene(result, body_model_of(result.videos[0], hands), block, progress, small)
     except ValueError as error:
         raise WorkFailed(f"{result.action}: {error}") from None
     progress(0.95, "writing")
@@ -285,12 +283,12 @@ def unfinished_viewer(result: ActionResult) -> str:
     """
     block, hands = Block(), any(video.hands is not None for video in result)
     model = body_model_of(result.videos[0], hands)
-    return viewer.page(scene(result, model, block, pictures_at_most=_OF_DRAFT), block, "")
+    return viewer.page(scene(result, model, block, small=True), block, "")
 
 
-def _stamp(result: ActionResult) -> str:
+def _stamp(result: ActionResult, small: bool) -> str:
     """Digest of all that the page is made from; of videos, their sizes."""
-    total = hashlib.sha256(viewer.sources().encode())
+    total = hashlib.sha256(f"{viewer.sources()}{small or ''}".encode())
     stages = [result.artifacts.stored(stage) for stage in (*NEEDED, "uncertainty", "hands")]
     for stored in stages:
         total.update(b"" if stored is None else stored.digest.encode())
@@ -300,19 +298,14 @@ def _stamp(result: ActionResult) -> str:
     return total.hexdigest()
 
 
-def _is_viewer(file: Path) -> bool:
-    """Whether a file begins as this program's viewers do, complete or not."""
+def _head(file: Path) -> str:
+    """The beginning of a page, complete or not; nothing where it can't be read."""
     with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
-        return _STAMPED in stream.read(_STAMP_WITHIN)
-    return False
+        return stream.read(_STAMP_WITHIN)
+    return ""
 
 
 def _made_from(file: Path) -> str | None:
     """The stamp of a page; None when there is no such page, or it breaks off."""
-    if not is_whole_page(file):
-        return None
-    with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
-        head = stream.read(_STAMP_WITHIN)
-        _, stamped, rest = head.partition(_STAMPED)
-        return rest.partition('"')[0] if stamped else None
-    return None
+    _, stamped, rest = _head(file).partition(_STAMPED)
+    return rest.partition('"')[0] if stamped and is_whole_page(file) else None

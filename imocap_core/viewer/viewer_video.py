@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, UInt8
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Uncertainty, VideoKeypoints
 from imocap_core.camera.projection import Lens, project_camera
-from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
+from imocap_core.conventions import SMPL_PARENTS
 from imocap_core.figures.style import color_of
 from imocap_core.io.video import WEBM_FPS, encode_webm, read_rgb_of
 from imocap_core.result.video import VideoCamera
@@ -22,14 +22,14 @@ from imocap_core.viewer.html import Block, Entry
 Image = UInt8[np.ndarray, "H W 3"]
 Window = tuple[int, int, int, int]  # x, y, width, height in pixels
 
-LONGEST_PX = 448
+PICTURES = (1000, 448)  # most of all videos together; pixels of the longer side
+SMALL = (350, 320)  # the same on a phone, and before a run's end
 _CRF, _KEY_EVERY = 36, 16  # VP9's quality; a seek decodes so many pictures at most
 _MARGIN = 0.22  # beside the performer's outermost positions, share of their span
 _ASPECTS = (0.75, 1.6)  # width / height of the part that is shown, where the picture allows
-MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
 
 
-def stride(lengths: list[int], most: int = MOST_PICTURES) -> int:
+def stride(lengths: list[int], most: int = PICTURES[0]) -> int:
     """One of how many frames is shown, so that no more than about `most` are."""
     return max(1, -(-sum(lengths) // most))
 
@@ -72,6 +72,7 @@ def picture_entry(
     every: int,
     part: Window,
     lens: Lens | None = None,
+    longest_px: int = PICTURES[1],
 ) -> dict[str, Any] | None:
     """Pictures of every `every`-th used frame; None when the file ends before the first.
 
@@ -81,7 +82,8 @@ def picture_entry(
     """
     shows = cutter(part, lens)
     wanted = frames[::every].tolist()
-    shown = ((number, small(shows(picture))) for number, picture in read_rgb_of(file, set(wanted)))
+    pictures = read_rgb_of(file, set(wanted))
+    shown = ((number, shrunk(shows(picture), longest_px)) for number, picture in pictures)
     first = next(shown, None)
     if first is None:
         return None
@@ -118,9 +120,9 @@ def cutter(part: Window, lens: Lens | None) -> Callable[[Image], Image]:
     return lambda picture: np.asarray(cv2.remap(picture, x_map, y_map, cv2.INTER_LINEAR), np.uint8)
 
 
-def small(picture: Image) -> Image:
-    """A picture whose longer side is at most LONGEST_PX."""
-    scale = min(1.0, LONGEST_PX / max(picture.shape[:2]))
+def shrunk(picture: Image, longest_px: int) -> Image:
+    """A picture whose longer side is at most `longest_px`."""
+    scale = min(1.0, longest_px / max(picture.shape[:2]))
     size = (max(2, round(scale * picture.shape[1])), max(2, round(scale * picture.shape[0])))
     if scale == 1 and size == picture.shape[1::-1]:
         return picture
@@ -218,23 +220,20 @@ def camera_entry(block: Block, camera: VideoCamera) -> dict[str, Any]:
     }
 
 
-def _pixels(
-    block: Block, xy_px: Float[np.ndarray, "T K 2"], size: tuple[int, int]
-) -> tuple[Entry, float]:
+def _pixels(block: Block, xy_px: Float[np.ndarray, "T K 2"], size: tuple[int, int]) -> Entry:
     unit = _PIXEL_RANGE / max(size)
     whole = np.clip(np.round(np.nan_to_num(xy_px) * unit), -32767, 32767)
-    return block.add(whole, "i2"), unit
+    return {"xy": block.add(whole, "i2"), "unit": unit, "count": xy_px.shape[1]}
 
 
 def detected_entry(block: Block, video: VideoKeypoints, lens: Lens | None) -> dict[str, Any]:
     """The detected keypoints of every frame, without the lens's distortion; a confidence of 0 where
     there is none."""
     xy_px = video.xy_px if lens is None else lens.undistorted(video.xy_px)
-    xy, unit = _pixels(block, xy_px, video.size)
     visible = np.isfinite(video.xy_px).all(axis=-1)
     confidence = np.where(visible, np.clip(np.nan_to_num(video.confidence), 0, 1), 0)
     sure = block.add(np.ceil(255 * confidence), "u1")
-    return {"xy": xy, "unit": unit, "count": video.xy_px.shape[1], "sure": sure}
+    return {**_pixels(block, xy_px, video.size), "sure": sure}
 
 
 def uncertainty_entry(block: Block, claimed: Uncertainty | None, video: str) -> Entry | None:
@@ -261,5 +260,4 @@ def skeleton_entry(
     in_frame = joints @ camera.R_first_from_frame  # R^T x
     middle = K[:2, 2]
     xy_px = middle + camera.zoom[:, None, None] * (project_camera(in_frame, K) - middle)
-    xy, unit = _pixels(block, xy_px, camera.size)
-    return {"xy": xy, "unit": unit, "count": len(SMPL_JOINTS), "parents": list(SMPL_PARENTS)}
+    return {**_pixels(block, xy_px, camera.size), "parents": list(SMPL_PARENTS)}

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import Keypoints, SmplBa
+from imocap_core.artifacts.schemas import Keypoints, LeftOutVideo, SmplBa
 from imocap_core.body.layouts import layout_names
 from imocap_core.diagnostics.action_verdict import verdict_of
 from imocap_core.diagnostics.detection_findings import (
     ONE_LINE_DEG,
     hidden_findings,
+    left_out_findings,
     sight_lines,
     widest_angle_deg,
 )
@@ -83,3 +84,9 @@ def test_hands_hidden_at_the_same_time_are_one_finding() -> None:
     assert finding.subject == "both hands"
     nobody = both.model_copy(update={"confidence": np.zeros_like(confidence)})
     assert hidden_findings(with_sync(made).sync, {nobody.id: nobody}) == []
+
+
+def test_a_video_left_out_is_named_with_its_fault() -> None:
+    faulty = LeftOutVideo(id="v2", reason="frames: expected at most [0, 9], got [50, 60]")
+    (finding,) = left_out_findings(Made(2).keypoints.model_copy(update={"left_out": [faulty]}))
+    assert finding.brief == "left out: frames: expected at most [0, 9], got [50, 60]"

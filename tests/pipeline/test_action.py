@@ -50,16 +50,11 @@ def test_a_good_action(tmp_path: Path) -> None:
         ),
         (GOOD + "event: perhaps\n", "event: expected a valid boolean"),
         (GOOD.replace("v2", "v1"), "videos: expected unique ids, got v1 twice"),
-        (
-            GOOD.replace("[0, 120]", "[9, 9]"),
-            "videos.1: frames: expected [first, one past last], got [9, 9]",
-        ),
+        (GOOD.replace("[0, 120]", "[9, 9]"), "frames: expected [first, one past last], got [9, 9]"),
+        (GOOD.replace("[0, 120]", "abc"), "videos.1.frames: expected a list, got 'abc'"),
         (GOOD.replace("openpose", "openpoze"), "videos.0.format: expected 'openpose'"),
         (GOOD.replace("focal_px: null", "focal_px: -3"), "videos.1.focal_px: expected"),
-        (
-            GOOD.replace("focal_px", "focal"),
-            "videos.1.focal: unknown field. Did you mean focal_px?",
-        ),
+        (GOOD.replace("focal_px", "focal"), "focal: unknown field. Did you mean focal_px?"),
         (GOOD.replace("video: b.mp4, ", ""), "videos.1: expected a video"),
         (GOOD.replace("body25", "body26"), "videos.0.layout: expected"),
         (

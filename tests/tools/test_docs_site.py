@@ -109,15 +109,15 @@ def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) 
     assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions.md)"
 
 
-def test_viewers_take_the_place_of_their_pictures_where_they_were_made(hooks, tmp_path):
+def test_pictures_lead_to_the_viewers_that_were_made(hooks, tmp_path):
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     assert hooks.with_viewers(text, tmp_path) == text  # pictures, as in the repository
     (tmp_path / "yoga.html").write_bytes(b"a" * 1_250_000)
-    framed = hooks.with_viewers(text, tmp_path)
-    assert '<iframe src="gallery/yoga.html"' in framed
-    assert "(1.2 MB)" in framed
-    assert "images/viewer.png" not in framed
-    assert framed.count("images/") == text.count("images/") - 1
+    linked = hooks.with_viewers(text, tmp_path)
+    assert "(images/viewer.png)](gallery/yoga.html)" in linked
+    assert "(gallery/yoga.html) (1.2 MB)" in linked
+    assert linked.count("gallery/") == 2
+    assert linked.count("images/") == text.count("images/")
 
 
 def test_the_citation_file_names_the_project_and_the_paper() -> None:

@@ -1,6 +1,5 @@
 """The viewer's page: whole in itself, exact enough, and true to the artifacts."""
 
-import base64
 import io
 import re
 from html.parser import HTMLParser
@@ -22,7 +21,6 @@ from imocap_core.viewer import viewer_scene
 from imocap_core.viewer.html import Block, quantised, strongest_bones
 from imocap_core.viewer.viewer_scene import contact_spans
 from imocap_core.viewer.viewer_video import (
-    LONGEST_PX,
     UNKNOWN_MM,
     first_shared,
     phase_of,
@@ -31,7 +29,7 @@ from imocap_core.viewer.viewer_video import (
     windows,
 )
 from tests.report.made import K, Made
-from tests.report.viewed import Page, page_of, read_entry, write_clip
+from tests.report.viewed import Page, inflated, page_of, read_entry, write_clip
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +194,7 @@ def test_an_unknown_uncertainty_is_not_shown_as_certain(made: Made) -> None:
     entry = uncertainty_entry(
         block, made.claimed.model_copy(update={"videos": videos}), videos[0].id
     )
-    shown = read_entry(entry, base64.b64decode(block.base64()))
+    shown = read_entry(entry, inflated(block.base64()))
     assert list(shown[:3]) == [UNKNOWN_MM, UNKNOWN_MM - 1, UNKNOWN_MM - 1]
 
 
@@ -245,10 +243,8 @@ def test_windows_hold_every_box_and_lie_in_the_picture() -> None:
         boxes.append(np.concatenate([low, low + 0.3 * np.array([width, height])], axis=1))
     boxes[0][4] = np.nan
     for (x, y, w, h), own, (width, height) in zip(windows(boxes, sizes), boxes, sizes, strict=True):
-        assert x >= 0
-        assert y >= 0
-        assert x + w <= width
-        assert y + h <= height
+        assert 0 <= x <= x + w <= width
+        assert 0 <= y <= y + h <= height
         assert x <= np.nanmin(own[:, 0])
         assert x + w >= min(np.nanmax(own[:, 2]), width)
         assert y + h >= min(np.nanmax(own[:, 3]), height)
@@ -259,7 +255,6 @@ def test_of_long_videos_every_second_frame_is_shown() -> None:
     assert stride([200, 300]) == 1
     assert stride([]) == 1
     assert sum(-(-n // stride([900, 900])) for n in (900, 900)) <= 1000
-    assert LONGEST_PX < 500
 
 
 def test_numbers_come_back_from_the_block() -> None:
@@ -267,7 +262,7 @@ def test_numbers_come_back_from_the_block() -> None:
     given = {k: rng.integers(0, 100, 7) for k in ("u1", "i2", "u2", "i4", "u4")}
     given["f4"] = rng.standard_normal(5)
     kept = {kind: block.add(values, kind) for kind, values in given.items()}
-    data = base64.b64decode(block.base64())
+    data = inflated(block.base64())
     for kind, values in given.items():
         np.testing.assert_allclose(read_entry(kept[kind], data), values, rtol=1e-6)
     with pytest.raises(ValueError, match="from 0 to 255 for u1, got -1 to 300"):

@@ -41,8 +41,8 @@ function makeModes(page, shown) {
   return { set, scores, buttons };
 }
 
-function start() {
-  const page = readPage();
+async function start() {
+  const page = await readPage();
   for (const video of page.videos) video.answers.final.rotations = quaternions(video.answers.final.local);
   $("name").textContent = page.title;
   $("lead").textContent = page.lead;
@@ -209,10 +209,8 @@ function start() {
   window.imocap = { act, modes, page, orbit, scene, actors: () => actors, where };
 }
 
-try {
-  start();
-} catch (error) {
+start().catch((error) => {
   $("trouble").hidden = false;
   $("trouble").textContent = error.message;
   console.error(error);
-}
+});

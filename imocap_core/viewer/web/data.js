@@ -1,16 +1,18 @@
-// The data of the page: a header in JSON, and one block of bytes that its entries point into.
+// The data of the page: a header in JSON, and one block of bytes, deflated, that its entries
+// point into.
 
 const KINDS = {
   f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array, i4: Int32Array, u4: Uint32Array,
 };
 
-function readPage() {
+async function readPage() {
   const text = document.getElementById("blob").textContent;
   const raw = atob(text), bytes = new Uint8Array(raw.length);
   for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
   const header = JSON.parse(document.getElementById("header").textContent);
   document.getElementById("blob").textContent = "";
-  return resolved(header, bytes.buffer);
+  const inflated = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return resolved(header, await new Response(inflated).arrayBuffer());
 }
 
 // The same value with every {"$": kind, at, count} replaced by its typed array.

@@ -2,8 +2,8 @@
 
 const $ = (id) => document.getElementById(id);
 
-function start() {
-  const page = readPage();
+async function start() {
+  const page = await readPage();
   for (const video of page.videos)
     for (const answer of Object.values(video.answers)) answer.rotations = quaternions(answer.local);
   $("name").textContent = page.title;
@@ -168,10 +168,8 @@ function start() {
   };
 }
 
-try {
-  start();
-} catch (error) {
+start().catch((error) => {
   $("trouble").hidden = false;
   $("trouble").textContent = error.message;
   console.error(error);
-}
+});
