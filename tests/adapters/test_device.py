@@ -19,7 +19,7 @@ from imocap_core.evaluate.scoreboard import posed_body
 from imocap_core.evaluate.whole_body_scores import measure_surfaces, surface_edges
 from imocap_core.motion import normal
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.terms import body_priors
+from imocap_core.motion.terms import body_priors, smoothness
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Inputs
 from stages import hands, refine_sync, uncertainty
@@ -61,7 +61,7 @@ def given(made: Made) -> Given:
 
 @pytest.fixture(autouse=True)
 def the_card_s_elimination_as_lapack_rounds_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (normal, body_priors):
+    for module in (normal, body_priors, smoothness):
         monkeypatch.setattr(module, "for_processor", lambda values: False)
 
 
