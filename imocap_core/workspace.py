@@ -70,6 +70,7 @@ class Workspace:
         load_memory(self.store.folder)
         if action in demos.BUILT_IN:
             folder = self.root / "actions" / action
+            settings(self.pipeline(), {}, folder, sets)  # a fault in them is named at once
             with self.store.lock(action, display.waiting):
                 demos.ensure(action, folder, self.pipeline().seed, display)
         job = self.job(action, sets)

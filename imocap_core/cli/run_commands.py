@@ -165,7 +165,8 @@ def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     how = f"{made} made, {len(outcomes) - made} cached" if made else "all cached"
     page = report_page(done.job)
     count = 0 if done.verdict is None else len(warnings_of(done.verdict))
-    inside = f", with {counted(count, 'warning')}" if count else ""
+    word = "remark" if done.verdict is not None and done.verdict.trusted else "warning"
+    inside = f", with {counted(count, word)}" if count else ""
     end = f" Report{inside}: {page}" if page and outcomes[-1].stored.has_files else ""
     name = done.job.action.name
     console.print(

@@ -37,6 +37,7 @@ Capture = pytest.CaptureFixture[str]
         (["explain", "toy", "dance"], "no stage 'dance'"),
         (["run", "toy", "--set", "sync.method=magic"], "sync.method: expected 'als'"),
         (["run", "toy", "--set", "sync.magic=1"], "--set: sync.magic: unknown parameter"),
+        (["run", "yoga", "--set", "sync.magic=1"], "--set: sync.magic: unknown parameter"),
         (["run", "toy", "--set", "magic.x=1"], "--set: magic: unknown group of parameters"),
         (["run", "toy", "--set", "sync.method"], "expected group.name=value"),
         (["run", "toy", "--set", "seed=-1"], "expected a whole number from 0 up, got -1"),
