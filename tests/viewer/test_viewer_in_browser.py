@@ -356,7 +356,7 @@ def test_without_a_decoder_the_frames_come_from_an_element(page: Page, tmp_path:
     with Browser(tmp_path / "profile", 900, 600) as old:
         old.call("Page.addScriptToEvaluateOnNewDocument", source="delete window.VideoDecoder")
         old.open(file)
-        old.wait("window.imocap?.shown()[0] !== undefined")
+        old.wait("window.imocap?.pictures[0].decoded.size > 0")
         assert old.value("imocap.pictures[0].stream.then(s => s.constructor.name)") == "Object"
         assert len(check_frames(old)) > 1
         assert old.errors == []
