@@ -129,7 +129,7 @@ def _at_constant_rate(
 
 
 def _slope(frames: Int[np.ndarray, " N"], position: Float[np.ndarray, " N"]) -> float:
-    """Frames of the second a frame of the first ; 0 where time does not advance."""
+    """Frames of the second a frame of the first; 0 where time does not advance."""
     slope = theil_sen_slope(frames, position)
     offset = position - slope * frames
     aside = np.abs(offset - np.median(offset))
