@@ -66,7 +66,8 @@ class _PipelineFile(BaseModel):
                 if given not in before
             ]
             faults += [
-                f"{name}.params: expected groups of parameters{_listed(GROUPS)}, got {group!r}"
+                f"{name}.params: expected groups of parameters{_listed(GROUPS)}, got {group!r}: "
+                "correct or remove it"
                 for group in stage.params
                 if group not in GROUPS
             ]
