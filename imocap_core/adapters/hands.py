@@ -27,8 +27,8 @@ from imocap_core.body import Model
 from imocap_core.body.kinematics import world_rotations
 from imocap_core.camera.projection import warp
 from imocap_core.conventions import SIDES, SMPL_JOINTS, SMPL_PARENTS
-from imocap_core.hands.hand_fit import FittedHands
-from imocap_core.hands.hand_objective import ArmsAndHands, HandWeights, point_weights
+from imocap_core.hands.hand_fit import USUAL, FittedHands
+from imocap_core.hands.hand_objective import ArmsAndHands, point_weights
 from imocap_core.hands.hand_skeleton import HandSkeleton, hand_skeleton
 from imocap_core.motion.multiview.timeline import Timeline, make_timeline
 from imocap_core.rotations import exp, log, unwrap
@@ -103,14 +103,7 @@ def arms_and_hands(
     wrists = motion.joints[:, WRISTS]
     focal = 0.5 * (camera.K[0, 0] + camera.K[1, 1])
     hand_px = focal * skeleton.length_m.cpu().numpy() / np.maximum(wrists[..., 2], NEAREST_M)
-    weight = point_weights(
-        xy,
-        hands.confidence,
-        hand_px,
-        noise_share=HandWeights.noise_share,
-        min_confidence=HandWeights.min_confidence,
-        min_points=HandWeights.min_points,
-    )
+    weight = point_weights(xy, hands.confidence, hand_px, USUAL)
     return ArmsAndHands(
         R_forearm=R[:, ELBOWS].transpose(0, 1),
         wrist_m=torch.as_tensor(wrists).to(template).transpose(0, 1),

@@ -192,25 +192,21 @@ def point_weights(
     xy_px: Float[np.ndarray, "*hands K 2"],
     confidence: Float[np.ndarray, "*hands K"],
     hand_px: Float[np.ndarray, "*hands"],
-    *,
-    noise_share: float,
-    min_confidence: float,
-    min_points: int,
+    weights: HandWeights,
 ) -> Float[np.ndarray, "*hands K"]:
     """Inverse variances of a hand's keypoints, 1/px^2; 0 for a missing one.
 
     Args:
         hand_px: length of each hand in the picture.
-        min_points: a hand with fewer keypoints counts as missing.
 
     Raises:
         ValueError: not 21 keypoints.
     """
     if confidence.shape[-1] != POINTS:
         raise ValueError(f"confidence: expected (..., {POINTS}), got {confidence.shape}")
-    usable = np.isfinite(xy_px).all(-1) & (confidence >= max(min_confidence, 1e-6))
-    usable &= usable.sum(-1, keepdims=True) >= min_points
-    sigma = np.hypot(noise_share * hand_px, FLOOR_PX)[..., None]
+    usable = np.isfinite(xy_px).all(-1) & (confidence >= max(weights.min_confidence, 1e-6))
+    usable &= usable.sum(-1, keepdims=True) >= weights.min_points
+    sigma = np.hypot(weights.noise_share * hand_px, FLOOR_PX)[..., None]
     return np.where(usable, np.nan_to_num(confidence) / sigma**2, 0.0)
 
 

@@ -52,13 +52,10 @@ def joint_weights_of(
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
 ) -> list[Float[np.ndarray, "_T J"]]:
     """Per video: each joint's confidence, 0 where the joint is missing (NaN)."""
-    weights = []
-    for v, x in enumerate(poses):
-        w = np.isfinite(x).all(axis=-1).astype(float)
-        if confidence is not None:
-            w = w * np.nan_to_num(confidence[v])
-        weights.append(w)
-    return weights
+    present = [np.isfinite(x).all(axis=-1).astype(float) for x in poses]
+    if confidence is None:
+        return present
+    return [x * np.nan_to_num(c) for x, c in zip(present, confidence, strict=True)]
 
 
 def body_scales(poses: Sequence[Float[np.ndarray, "_T J 3"]]) -> Float[np.ndarray, " M"]:

@@ -58,9 +58,7 @@ def made(
         pixels = (h[..., :2] / h[..., 2:]).numpy()
         xy = pixels + rng.normal(0, NOISE_PX, pixels.shape)
         hand_px = np.full((2, FRAMES), 900 * 0.2 / 3.5)
-        weight = point_weights(
-            xy, np.ones(xy.shape[:3]), hand_px, noise_share=0.02, min_confidence=0.1, min_points=6
-        )
+        weight = point_weights(xy, np.ones(xy.shape[:3]), hand_px, HandWeights(noise_share=0.02))
         # the body has the wrist 3 cm elsewhere, and unturned
         body_place = place + 0.03 * torch.nn.functional.normalize(vector(1, -1, 1), dim=0)
         body = exp(vector(0.4, 0, 0)).expand(2, FRAMES, 3, 3)

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.common_motion import (
-    balance_along_sight,
-    share_untold,
-    unknowns_of,
-)
+from imocap_core.motion.multiview.common_motion import balance_along_sight, unknowns_of
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import Term
+from imocap_core.motion.terms.contact import share_of_balance
 from imocap_core.params import FitParams, MotionParams
 from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes
@@ -23,7 +21,6 @@ from tests.motion.test_terms import leaning
 TURNS_DEG = [0.0, 75.0, -80.0, 170.0]
 OFF = np.array([1.12, 0.9, 1.0, 0.86])  # of the true focal lengths
 SPREAD = 0.15
-STEADY = FitParams(camera_pitch_deg=3.0)
 
 
 @pytest.fixture(scope="module")
@@ -103,29 +100,28 @@ def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) ->
     assert float(prior.cost(moved)) == pytest.approx(FRAMES / SPREAD**2 * 4 * 0.1**2)
 
 
-def filmed_from(turns_deg: list[float], shown: np.ndarray) -> tuple[Made, Scene]:
-    """A scene of these views, 8 frames a second; shown: (M, FRAMES) confidence of their matches."""
+def along_sight(turns_deg: list[float], motion: MotionState) -> list[Term]:
+    """Balance of a motion that these views show throughout."""
     made = scene(FRAMES, turns_deg, np.random.default_rng(3))
-    slow = [replace(o, fps=8.0) for o in made.observations]
-    timeline = make_timeline([np.arange(float(FRAMES))] * len(slow), list(shown), FRAMES)
-    return made, Scene(made.body, wide_prior(), slow, timeline, list(shown), 0, STEADY)
-
-
-def test_balance_counts_where_all_that_show_a_moment_look_along_one_line() -> None:
-    shown = np.ones((3, FRAMES))
-    shown[2, 10:] = 0.0
-    made, across = filmed_from([0.0, 3.0, 80.0], shown)
-    share = share_untold(across, made.state, made.cameras())
-    assert (share[:14] == 0).all()  # half a second beyond what the third view shows
-    assert (share[14:] > 0.9).all()
-    made, opposite = filmed_from([0.0, 180.0], np.ones((2, FRAMES)))
-    assert (share_untold(opposite, made.state, made.cameras()) > 0.9).all()
+    shown = [np.ones(FRAMES)] * len(turns_deg)
+    timeline = make_timeline([np.arange(float(FRAMES))] * len(shown), shown, FRAMES)
+    steady = FitParams(camera_pitch_deg=3.0)
+    filmed = Scene(made.body, wide_prior(), made.observations, timeline, shown, 0, steady)
+    return balance_along_sight(filmed, motion, made.cameras())
 
 
 def test_a_lean_along_the_only_line_of_sight_costs_and_across_others_does_not() -> None:
-    made, one_line = filmed_from([0.0, 2.0], np.ones((2, FRAMES)))
     lean = leaning(0.4, FRAMES)
-    (term,) = balance_along_sight(one_line, lean, made.cameras())
+    (term,) = along_sight([0.0, 2.0, 4.0, 182.0], lean)
     assert float(term.cost(leaning(0.0, FRAMES))) < 0.25 * float(term.cost(lean))
-    made, across = filmed_from([0.0, 70.0], np.ones((2, FRAMES)))
-    assert balance_along_sight(across, lean, made.cameras()) == []
+    assert along_sight([0.0, 70.0], lean) == []
+
+
+def test_balance_counts_where_all_that_show_a_moment_look_along_one_line() -> None:
+    made = scene(FRAMES, [0.0, 3.0, 80.0], np.random.default_rng(3))
+    root = made.body.positions(made.body.joints, made.state)[0, :, 0].numpy()
+    shown = np.ones((3, FRAMES))
+    shown[2, 10:] = 0.0
+    share = share_of_balance(root, made.R, made.t, shown, fps=8.0)
+    assert (share[:14] == 0).all()  # half a second beyond what the third view shows
+    assert (share[14:] > 0.9).all()

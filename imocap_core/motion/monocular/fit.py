@@ -62,12 +62,8 @@ SCALE_SIGMAS = 2.0  # beyond it the cost grows only logarithmically: people also
 def balance_terms(
     body: Body, state: MotionState, observations: Sequence[Observation], weights: FitParams
 ) -> list[Term]:
-    """Balance over the limbs that support each motion, under the up that its video tells.
-
-    Both are those of ``state`` and constant in the term. It is for an action's only video: several
-    tell together how far a body leans, and who balances on one leg would be drawn off the truth
-    (`docs/motion.md`).
-    """
+    """Balance of an action's only video: several from different sides tell how far a body leans,
+    and who balances on one leg would be drawn off the truth (`docs/motion.md`)."""
     if weights.balance == 0:
         return []
     joints = body.positions(body.joints, state).detach().cpu().numpy()
@@ -85,18 +81,20 @@ def balance_term(
     weights: FitParams,
     shares: Float[np.ndarray, "B T"] | None = None,
 ) -> Term:
-    """Balance of motions, each under the up that the cameras that film it tell together.
+    """Balance over the limbs that support each motion, under the up that its cameras tell.
+
+    Support and up are those of ``state``, constant in the term.
 
     Args:
-        shares: of the weight of each frame; None: all of it.
+        filmed: of each motion the body with its camera, then other cameras without it (NaN).
+        shares: of the weight in each frame; None: all of it.
     """
     level = LevelPrior(
         weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
     )
     arms, whitening = [], []
     for v, bodies in enumerate(filmed):
-        up = estimate_up(bodies, level).up
-        arm, whiten = arms_above_support(bodies[0], up)
+        arm, whiten = arms_above_support(bodies[0], estimate_up(bodies, level).up)
         arms.append(arm)
         whitening.append(whiten if shares is None else whiten * shares[v, :, None, None] ** 0.5)
     rows = padded(arms, state.trans), padded(whitening, state.trans)

@@ -22,7 +22,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from imocap_core.camera.gravity import FilmedBody
@@ -40,6 +39,7 @@ from imocap_core.motion.multiview.scene import (
 from imocap_core.motion.multiview.timeline import sample_keypoints
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Term, View
+from imocap_core.motion.terms.contact import share_of_balance
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
@@ -312,38 +312,23 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
     return [JointEvidence(scene.body, estimates, strength, ESTIMATE_SIGMAS)]
 
 
-_ACROSS = 0.2  # sine of the angle between lines of sight at which balance counts half
-_LEAST_BALANCE = 0.1  # share of its weight below which it is left out
-_TOLD_S = 0.5  # what views tell of a moment holds so long before and after
-
-
 def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
-    """Balance of the common motion where all videos look along one line, which hides any lean."""
-    shares = share_untold(scene, motion, cameras)
+    """Balance of the common motion where all videos look along one line, which hides any lean.
+
+    Up is told by all cameras and, once, by the body.
+    """
+    joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
+    R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
+    shares = share_of_balance(joints[:, 0], R, t, scene.timeline.confidence, scene.fps)
     if scene.fit.balance == 0 or not shares.any():
         return []
-    joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
-    R = cameras.R.detach().cpu().numpy()
+    used = set(np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist())
     filmed = [
-        FilmedBody(joints, scene.fps, scene.observations[v].R_mean_from_first @ R[v])
-        for v in np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist()
+        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v])
+        for x, views in ((joints, {scene.reference}), (joints * np.nan, used - {scene.reference}))
+        for v in sorted(views)
     ]
     return [balance_term(scene.body, motion, [filmed], scene.fit, shares[None])]
-
-
-def share_untold(scene: Scene, motion: MotionState, cameras: Cameras) -> Float[np.ndarray, " N"]:
-    """Share of each frame's balance that no view replaces, 0 where it is small: 1 / (1 + s /
-    `_ACROSS`^2), s the sum over the videos of their matches' confidence times sin^2 of their angle
-    to the line that most look along, the largest of half a second."""
-    root = scene.body.positions(scene.body.joints, motion)[0, :, 0].detach().cpu().numpy()
-    R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
-    sight = root + np.einsum("mji,mj->mi", R, t)[:, None]
-    sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
-    moments = np.einsum("mn,mna,mnb->nab", scene.timeline.confidence, sight, sight)
-    across = np.linalg.eigvalsh(moments)[:, :2].sum(axis=1)
-    across = maximum_filter1d(across, 2 * round(_TOLD_S * scene.fps) + 1)
-    share = 1 / (1 + across / _ACROSS**2)
-    return np.where(share < _LEAST_BALANCE, 0.0, share)
 
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one

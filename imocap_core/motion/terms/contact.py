@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations, add_product
@@ -149,3 +151,32 @@ class Balance:
         normal.corner[:, :count, :count] += (shape.mT @ by_shape).sum(1)
         normal.gradient[..., :POSE] += (by_pose.mT @ pulled)[..., 0]
         normal.corner_gradient[:, :count] += (by_shape.mT @ pulled)[..., 0].sum(1)
+
+
+_ACROSS = 0.2  # sine of the angle between lines of sight at which balance counts half
+_LEAST_SHARE = 0.1  # below it balance is left out
+_TOLD_S = 0.5  # what views tell of a moment holds so long before and after
+
+
+def share_of_balance(
+    root_m: Float[np.ndarray, "N 3"],
+    R: Float[np.ndarray, "M 3 3"],
+    t_m: Float[np.ndarray, "M 3"],
+    confidence: Float[np.ndarray, "M N"],
+    fps: float,
+) -> Float[np.ndarray, " N"]:
+    """Share of each frame's balance that no view replaces, 0 where it is small.
+
+    It is 1 / (1 + s / `_ACROSS`^2), s the sum over the videos of confidence times sin^2 of the
+    angle to the line that most of them look along, the largest within half a second.
+
+    Args:
+        root_m: the body's, in the world; R, t_m: x_cam = R x_world + t of each video.
+        confidence: of each video's match with each frame.
+    """
+    sight = root_m + np.einsum("mji,mj->mi", R, t_m)[:, None]
+    sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+    moments = np.einsum("mn,mna,mnb->nab", confidence, sight, sight)
+    across = np.linalg.eigvalsh(moments)[:, :2].sum(axis=1)
+    share = 1 / (1 + maximum_filter1d(across, 2 * round(_TOLD_S * fps) + 1) / _ACROSS**2)
+    return np.where(share < _LEAST_SHARE, 0.0, share)
