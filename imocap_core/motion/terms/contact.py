@@ -155,7 +155,7 @@ class Balance:
 
 _ACROSS = 0.2  # sine of the angle between lines of sight at which balance counts half
 _LEAST_SHARE = 0.1  # below it balance is left out
-_TOLD_S = 0.5  # what views tell of a moment holds so long before and after
+_HOLDS_S = 0.5  # what views show of a lean holds so long before and after
 
 
 def share_of_balance(
@@ -178,5 +178,5 @@ def share_of_balance(
     sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
     moments = np.einsum("mn,mna,mnb->nab", confidence, sight, sight)
     across = np.linalg.eigvalsh(moments)[:, :2].sum(axis=1)
-    share = 1 / (1 + maximum_filter1d(across, 2 * round(_TOLD_S * fps) + 1) / _ACROSS**2)
+    share = 1 / (1 + maximum_filter1d(across, 2 * round(_HOLDS_S * fps) + 1) / _ACROSS**2)
     return np.where(share < _LEAST_SHARE, 0.0, share)
