@@ -93,7 +93,7 @@ PLAN = (  # the shorter ones first
         "performances", "", "performances",
         made="artifacts/benchmark/performances-fine_tuned/results.md",
     ),
-    _benchmark("angles", "", "trials", made="artifacts/benchmark/angles-fine_tuned/angles.md"),
+    _benchmark("angles", "", "trials", made="artifacts/benchmark/angles-fine_tuned/results.md"),
     _benchmark("collect", "", "trials", "balance_beam", detected=True),
     _benchmark("moving_camera"),
     _benchmark("degraded", "", "balance_beam", "crowd", detected=True, in_parallel=True),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.actions.captured import MAX_VIDEOS, PLACEMENTS, data_base, placement
-from benchmarks.angles.report import bend_deg, peak_m_s
+from benchmarks.angles.report import _accelerations, _peaks, bend_deg, peak_m_s
 from benchmarks.performances.action import takes
 from benchmarks.performances.report import FILE, _first_scores, sizes
 
@@ -54,3 +54,19 @@ def test_the_highest_speed_is_that_of_the_fastest_moment() -> None:
     place = np.zeros((31, 3))
     place[:, 0] = np.cumsum([0.0] + [0.02] * 10 + [0.1] * 10 + [0.01] * 10)
     assert peak_m_s(place, 30.0) == pytest.approx(3.0)
+
+
+def test_a_peak_is_compared_behind_the_same_filter_as_the_captured_one() -> None:
+    rng = np.random.default_rng(0)
+    swing = np.exp(-0.5 * ((np.arange(60) - 30) / 2) ** 2)[:, None, None] * rng.normal(size=(12, 3))
+    assert list(_peaks(swing, swing, 30.0).values()) == pytest.approx([0.0] * 4, abs=1e-9)
+    assert list(_peaks(1.1 * swing, swing, 30.0).values()) == pytest.approx([10.0] * 4)
+
+
+def test_accelerations_know_no_direction_and_a_filter_takes_the_noise_out() -> None:
+    rng = np.random.default_rng(1)
+    path = np.cumsum(np.cumsum(rng.normal(size=(80, 12, 3)), axis=0), axis=0) * 1e-3
+    turned = path @ np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    np.testing.assert_allclose(_accelerations(turned, path, 30.0)[:, 1], 0.0, atol=1e-9)
+    errors = _accelerations(path + 1e-3 * rng.normal(size=path.shape), path, 30.0)[:, 1]
+    assert errors[2] < errors[1] < errors[0]
