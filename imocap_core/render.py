@@ -356,9 +356,7 @@ VIEWS = ("front", "side", "back")
 
 CAMERA_DISTANCE_M = 25.0  # nearly orthographic, so that lengths can be compared
 FILLED = 0.94  # of the picture's smaller side, by the largest body
-LEAST_FORWARD = (
-    0.5  # horizontal share of the pelvis' forward axis below which the left axis decides
-)
+HEAD_DOWN = -0.9  # height of the pelvis' axis below which a body stands on its head
 UP = np.array([0.0, 1.0, 0.0])
 LIGHT = Light(towards_lamp=(-0.45, -0.6, -0.66), up=(0.0, -1.0, 0.0), ambient=0.25, diffuse=0.65)
 """Neutral lamp, obliquely from above the camera, in camera axes (y down, z away): folds of the
@@ -387,14 +385,14 @@ def segment_colors(
 
 
 def heading_of(R_upright_from_pelvis: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3"]:
-    """The horizontal unit vector in which a body faces: the pelvis' forward axis on the ground.
+    """The horizontal unit vector in which a body faces once it is set upright by the shortest turn.
 
-    Of a body that lies on its back or its front, the horizontal axis perpendicular to its left.
+    Who stands on the head has no such turn: the pelvis' forward axis on the ground.
     """
-    left, forward = R_upright_from_pelvis[:, 0], R_upright_from_pelvis[:, 2]
-    flat = forward - (forward @ UP) * UP
-    if np.linalg.norm(flat) < LEAST_FORWARD:
-        flat = np.cross(left, UP)
+    R = R_upright_from_pelvis
+    flat = np.array([R[0, 2] - R[2, 0], 0.0, R[0, 0] + R[2, 2]])
+    if R[1, 1] < HEAD_DOWN:
+        flat = R[:, 2] * (1 - UP)
     return flat / np.linalg.norm(flat)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import expit
 
 from imocap_core.body.kinematics import centre_of_mass
 from imocap_core.conventions import SIDES, SMPL_JOINTS
@@ -24,6 +25,9 @@ ROLL_DOF, PITCH_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = (
 )  # of the t distributions
 SUPPORT_HEIGHT_M = 0.06  # a limb this far above the lowest one supports less
 HAND_SHARE = 0.3  # of a foot's: how readily hands and knees count as support
+SEAT_SHARE = 0.7  # of the weight of who sits
+SEAT_S, SEAT_MOVED_M = 0.5, 0.06  # hips that rise and sink less in this time may rest on a seat
+SEAT_HEIGHT, SEAT_SPREAD = 0.75, 0.05  # if lower than this share of a leg above the lowest limb
 SWAY_M = 0.06  # standard deviation of the centre of mass about the middle of its support
 LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # errors of the pose as shares of the height: across the
 # camera's line of sight and along it
@@ -41,13 +45,19 @@ ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in SIDES]
 HANDS_AND_KNEES = [
     SMPL_JOINTS.index(f"{side}_{part}") for part in ("wrist", "knee") for side in SIDES
 ]
+HIPS = [SMPL_JOINTS.index(f"{side}_hip") for side in SIDES]
 LIMB_SHARES = np.concatenate(
-    [0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]), np.eye(24)[HANDS_AND_KNEES]]
+    [
+        0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]),
+        np.eye(24)[HANDS_AND_KNEES],
+        np.eye(24)[HIPS].mean(axis=0, keepdims=True),
+    ]
 )
-"""(6, 24) weights of SMPL's joints whose mean is a limb that may support: feet, wrists, knees."""
+"""(7, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, the seat."""
 PARTS = [
     *(BALLS + ANKLES + HANDS_AND_KNEES),
-    *(SMPL_JOINTS.index(name) for name in ("left_hip", "right_hip", "head")),
+    *HIPS,
+    SMPL_JOINTS.index("head"),
     *(SMPL_JOINTS.index(f"{side}_{part}") for part in ("shoulder", "elbow") for side in SIDES),
 ]
 PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
@@ -71,15 +81,20 @@ class Support:
 
     Attributes:
         centre: (N, 3) centre of mass; speed_m_s: (N,) its speed.
-        limbs: (N, 6, 3) feet, wrists, knees; trunk: (N, 3) unit vectors from pelvis to neck.
+        limbs: (N, 7, 3) feet, wrists, knees, the middle of the hips; trunk: (N, 3) unit vectors
+            from pelvis to neck.
+        hips_steps: (N, 2, 3) of that middle, to it and from it, `SEAT_S` each; leg_m: length of a
+            leg.
         feet: (M, 3) balls of slow feet; planted: (M,) their weights.
         parts: (N, P, 3) those of PARTS; parts_m_s: (N, P) their speeds.
     """
 
     centre: Float[np.ndarray, "N 3"]
     speed_m_s: Float[np.ndarray, " N"]
-    limbs: Float[np.ndarray, "N 6 3"]
+    limbs: Float[np.ndarray, "N 7 3"]
     trunk: Float[np.ndarray, "N 3"]
+    hips_steps: Float[np.ndarray, "N 2 3"]
+    leg_m: float
     feet: Float[np.ndarray, "M 3"]
     planted: Float[np.ndarray, " M"]
     parts: Float[np.ndarray, "N P 3"]
@@ -103,11 +118,27 @@ def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) ->
         speed_m_s=fps * np.linalg.norm(step[index], axis=-1),
         limbs=np.einsum("sj,njc->nsc", LIMB_SHARES, chosen),
         trunk=trunk / np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9),
+        hips_steps=_steps(joints[:, HIPS].mean(axis=1), round(SEAT_S * fps))[index],
+        leg_m=_leg_m(joints),
         feet=feet[some],
         planted=planted[some],
         parts=parts[index],
         parts_m_s=fps * np.linalg.norm(parts_step[index], axis=-1),
     )
+
+
+def _steps(place: Float[np.ndarray, "T 3"], frames: int) -> Float[np.ndarray, "T 2 3"]:
+    """Movement of a point over so many frames up to each, and from it on."""
+    index = np.arange(len(place))
+    before, after = (place[np.clip(index + k, 0, len(place) - 1)] for k in (-frames, frames))
+    return np.stack([place - before, after - place], axis=1)
+
+
+def _leg_m(joints: Float[np.ndarray, "T 24 3"]) -> float:
+    """Mean length of thigh and shank together."""
+    knees = joints[:, HANDS_AND_KNEES[2:]]
+    parts = [joints[:, HIPS] - knees, knees - joints[:, ANKLES]]
+    return float(sum(np.linalg.norm(part, axis=-1).mean() for part in parts))
 
 
 def planted_feet(
@@ -219,7 +250,7 @@ def _off_support(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
 ) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
     """`_off_middle` of feet, hands and knees by their heights."""
-    share = _shares(np.einsum("nsc,uc->usn", support.limbs, up))
+    share = _shares(up, support)
     return _off_middle(up, support, support.limbs, share, (sight, ahead))
 
 
@@ -276,15 +307,23 @@ def support_under(
     return middle, 0.5 * np.einsum("uns,unsi,unsj->unij", share, apart, apart)
 
 
-def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U N 6"]:
-    """How much each limb supports, by its height above the lowest one; their sum is 1."""
-    return _shares(np.einsum("nsc,uc->usn", support.limbs, up)).swapaxes(1, 2)
+def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U N 7"]:
+    """How much each limb and the seat support; their sum is 1."""
+    return _shares(up, support).swapaxes(1, 2)
 
 
-def _shares(height: Float[np.ndarray, "*any 6 N"]) -> Float[np.ndarray, "*any 6 N"]:
-    """The same of limbs at some heights."""
-    readily = np.where(np.arange(height.shape[-2]) < len(BALLS), 1.0, HAND_SHARE)
-    return _by_height(height, readily[:, None])
+def _shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U 7 N"]:
+    """The same. Limbs count by their height above the lowest one; low hips that neither rise nor
+    sink rest on a seat, whose height nobody knows."""
+    height = np.einsum("nsc,uc->usn", support.limbs, up)
+    limbs, hips = height[:, :-1], height[:, -1]
+    readily = np.where(np.arange(limbs.shape[1]) < len(BALLS), 1.0, HAND_SHARE)
+    share = _by_height(limbs, readily[:, None])
+    above = (hips - limbs.min(axis=1)) / support.leg_m
+    moved = np.abs(np.einsum("nkc,uc->kun", support.hips_steps, up)).max(axis=0)
+    sits = expit((SEAT_HEIGHT - above) / SEAT_SPREAD) / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
+    seat = SEAT_SHARE * sits * share[:, : len(BALLS)].sum(axis=1) ** 2
+    return np.concatenate([(1 - seat)[:, None] * share, seat[:, None]], axis=1)
 
 
 def _by_height(

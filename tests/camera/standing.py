@@ -43,6 +43,9 @@ PUSH_UP = {
 }
 
 
+SITTING = {"hip": (-80.0, 0.0, 0.0), "knee": (70.0, 0.0, 0.0)}
+
+
 POSTURES: dict[str, dict[str, tuple[float, float, float]]] = {
     "push-up": PUSH_UP,
     "lying": {"pelvis": (-90.0, 0.0, 0.0)},

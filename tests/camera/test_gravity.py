@@ -26,6 +26,7 @@ from imocap_core.camera.tilt_evidence import (
     balance_cost,
     perpendicular,
     support_of,
+    support_shares,
     support_under,
 )
 from tests.camera.standing import (
@@ -34,6 +35,7 @@ from tests.camera.standing import (
     POSTURES,
     PRIOR,
     PUSH_UP,
+    SITTING,
     angle_deg,
     filmed,
     posed,
@@ -97,6 +99,18 @@ def test_who_lies_kneels_hangs_or_stands_on_the_hands_is_level(
     held = Rotation.from_euler("xz", (down_deg, roll_deg), degrees=True).as_matrix()
     estimate = estimate_up([FilmedBody(joints, FPS, held @ LEVEL_CAMERA)], PRIOR)
     assert angle_deg(estimate.up, Y_UP) < 12.0
+
+
+@pytest.mark.parametrize("side_deg", [40, 90])
+def test_who_sits_is_carried_by_the_seat_and_who_squats_by_the_feet(side_deg: int) -> None:
+    joints = turned(posed(SITTING), Rotation.from_euler("y", side_deg, degrees=True))
+    squat = joints + np.array([0.0, 0.3, 0.0]) * np.sin(np.arange(len(joints)) / 4)[:, None, None]
+    for moving, least, most in ((joints, 0.5, 0.7), (squat, 0.0, 0.25)):
+        support = support_of(moving, FPS, 20)
+        seat = support_shares(Y_UP[None], support)[0, :, -1]
+        assert least < np.median(seat) <= most
+    estimate = estimate_up([FilmedBody(joints, FPS, LEVEL_CAMERA)], PRIOR)
+    assert angle_deg(estimate.up, Y_UP) < 8.0
 
 
 def test_an_up_on_which_the_witnesses_disagree_is_doubtful() -> None:
