@@ -117,7 +117,7 @@ def estimate_camera_motion(
     if test is not None and test.moves:
         still = replace(still, residual_px=test.off_px)
         R = chain(matches, _all_rotations(matches, still.K))
-        return _translating(matches, still, R, test.words + unmatched)
+        return _translating(still, R, test.words + unmatched)
     unmatched += "" if test is None else f"; {test.words}"
     solved = None if focal_px else solve_focal(matches, size)
     if solved:
@@ -132,7 +132,7 @@ def _simplest_motion(
     matches: Sequence[Matches], start: CameraMotionEstimate, threshold_px: float, unmatched: str
 ) -> CameraMotionEstimate:
     """``start`` with rotations, with zooms too where rotations alone do not explain the background,
-    or with plain homographies where neither does; ``unmatched`` ends the note."""
+    or as moving where neither does; ``unmatched`` ends the note."""
     K = start.K
     R_key_from_frame = _all_rotations(matches, K)
     R = chain(matches, R_key_from_frame)
@@ -152,20 +152,21 @@ def _simplest_motion(
     if zooming is not None:
         return zooming
     why = f"a rotation explains only {explained:.0%} of the background ({residual:.1f} px off)"
-    return _translating(matches, replace(start, residual_px=residual), R, why + unmatched)
+    return _translating(replace(start, residual_px=residual), R, why + unmatched)
 
 
 def _translating(
-    matches: Sequence[Matches], start: CameraMotionEstimate, R: Float[np.ndarray, "T 3 3"], why: str
+    start: CameraMotionEstimate, R: Float[np.ndarray, "T 3 3"], why: str
 ) -> CameraMotionEstimate:
-    """``start`` with plain homographies: a camera that moves, its path unknown."""
-    H = chain(matches, np.stack([match.H_key_from_frame for match in matches]))
+    """``start`` with the rotations that explain the background best: a camera that moves, its path
+    unknown. A homography would take the performer for a part of the background's plane and shear
+    him; a wrong rotation turns him as a whole."""
     return replace(
         start,
         motion="translating",
-        H_first_from_frame=H / H[:, 2:, 2:],
+        H_first_from_frame=start.K @ R @ np.linalg.inv(start.K),
         R_first_from_frame=R,
-        note=f"the camera moves from its place: {why}; keypoints are warped by plain homographies",
+        note=f"the camera moves from its place: {why}; its path is unknown",
     )
 
 
