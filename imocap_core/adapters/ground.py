@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from imocap_core.adapters.observations import feet_seen
 from imocap_core.artifacts.schemas import (
     Camera,
     CameraMotion,
@@ -16,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     SmplBa,
     SyncSummary,
     VideoCameraMotion,
+    VideoKeypoints,
     VideoMotion,
 )
 from imocap_core.body import Model
@@ -41,7 +43,7 @@ def with_ground(
     fit: FitParams,
 ) -> SmplBa:
     """A joint motion with the ground under the videos that are not `excluded`."""
-    fps = {v.id: v.fps for v in keypoints.videos}
+    detected = {v.id: v for v in keypoints.videos}
     turns = {v.id: v.R_first_from_frame for v in camera_motion.videos}
     bodies = []
     for video, camera in zip(motion.videos, motion.cameras, strict=True):
@@ -50,7 +52,7 @@ def with_ground(
                 BodyMotion(video.theta, video.trans, video.joints), Extrinsics(camera.R, camera.t)
             )
             R_mean = turns[video.id].mean(axis=0).T @ camera.R
-            bodies.append(FilmedBody(body.joints, fps[video.id], R_mean))
+            bodies.append(_filmed(body.joints, detected[video.id], R_mean))
     ground = estimate_ground(bodies, level_prior(fit))
     return motion.model_copy(update={"ground": stored_ground(ground)})
 
@@ -83,10 +85,16 @@ def grounds_of(
 
     def ground(v: int) -> GroundPlane:
         R_mean = np.asarray(camera_motion.videos[v].R_first_from_frame.mean(axis=0).T)
-        body = FilmedBody(videos[v].joints, keypoints.videos[v].fps, R_mean)
+        body = _filmed(videos[v].joints, keypoints.videos[v], R_mean)
         return stored_ground(estimate_ground([body], level_prior(fit)))
 
     return thread_map(ground, range(len(videos)))
+
+
+def _filmed(
+    joints: Float[np.ndarray, "T 24 3"], video: VideoKeypoints, R: Float[np.ndarray, "3 3"]
+) -> FilmedBody:
+    return FilmedBody(joints, video.fps, R, float(feet_seen(video).mean()))
 
 
 def held_deg(

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from imocap_core.artifacts.schemas import (
@@ -23,10 +23,11 @@ from imocap_core.artifacts.schemas import (
     StartFit,
     SwappedSides,
     VideoCameraMotion,
+    VideoKeypoints,
     VideoMotion,
 )
 from imocap_core.body import load_free_body
-from imocap_core.body.layouts import layouts
+from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS
 from imocap_core.motion.monocular.hypotheses import MotionHypothesis
 from imocap_core.motion.multiview.scene import (
@@ -107,9 +108,21 @@ def observations_of(
                 performer=people.index(video.performer),
                 centre_m=centre,
                 place_sd_m=place_sd,
+                feet_seen=feet_seen(video),
             )
         )
     return observations
+
+
+ANKLES = ("left_ankle", "right_ankle")
+SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
+
+
+def feet_seen(video: VideoKeypoints) -> Bool[np.ndarray, " T"]:
+    """Whether an ankle is seen in each frame."""
+    names = layout_names(video.layout)
+    ankles = [names.index(name) for name in ANKLES if name in names]
+    return np.asarray((video.confidence[:, ankles] >= SEEN).any(axis=1))
 
 
 def performers_of(keypoints: Keypoints) -> list[str | None]:

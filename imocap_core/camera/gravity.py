@@ -130,12 +130,14 @@ CHUNK = 100  # directions evaluated together, so that their arrays stay in the p
 class FilmedBody:
     """One video's body in the axes of the world, and the mean of its camera's rotations.
 
-    joints: SMPL's, metres; frames without all of them are left out.
+    joints: SMPL's, metres; frames without all of them are left out. shown: share of the frames in
+    which a foot is seen; what carries a body otherwise is a guess, which tells nothing of up.
     """
 
     joints: Float[np.ndarray, "T 24 3"]
     fps: float
     R_cam_from_world: Float[np.ndarray, "3 3"]
+    shown: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -247,9 +249,9 @@ class _Stance:
     @classmethod
     def of(cls, body: FilmedBody) -> _Stance | None:
         whole = np.isfinite(body.joints).all(axis=(1, 2))
-        if not whole.any():
+        if not whole.any() or body.shown == 0:
             return None
-        count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS)
+        count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS) * body.shown
         support = support_of(body.joints[whole], body.fps, MOMENTS)
         stance = cls(support, body.R_cam_from_world, count, np.zeros(len(ROLLS_DEG)))
         roll, pitch = np.meshgrid(ROLLS_DEG, PITCHES_DEG, indexing="ij")

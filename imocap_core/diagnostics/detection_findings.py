@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
+from imocap_core.adapters.observations import SEEN
 from imocap_core.artifacts.schemas import (
     Keypoints,
     SmplBa,
@@ -172,7 +173,6 @@ def swapped_findings(motion: SmplBa) -> list[Finding]:
 # Performances of one action differ by some 50 mm; for two cameras whose lines of sight differ by
 # this angle, that is 150 mm along them
 ONE_LINE_DEG = 20.0
-HIDDEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
 HIDDEN_S = 0.5  # a hand moves by half a metre in this time
 WHOLE = 0.9  # of the frames
 LIMB_ENDS = {
@@ -276,7 +276,7 @@ def hidden_limbs(
             for into, joint in zip((end, trunk), joints, strict=True):
                 visible = _confidence(video, _other_side(joint) if other else joint)
                 into[k] = np.maximum(into[k], _at_reference(visible, position, count))
-    return np.asarray(((end < HIDDEN) & (trunk >= HIDDEN)).T)
+    return np.asarray(((end < SEEN) & (trunk >= SEEN)).T)
 
 
 def _confidence(video: VideoKeypoints, joint: str) -> Float[np.ndarray, " T"]:

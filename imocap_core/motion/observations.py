@@ -34,6 +34,7 @@ class Observation:
             spot, or unknown.
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
+        feet_seen: (T,) whether a foot is seen, or None: in every frame.
         swapped: (T,) which sides of the detections are swapped in these keypoints (states of
             `sync.hypotheses.swapped_by_others`), or None: none.
     """
@@ -49,7 +50,13 @@ class Observation:
     performer: int = 0
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
+    feet_seen: Bool[np.ndarray, " T"] | None = None
     swapped: Int[np.ndarray, " T"] | None = None
+
+    @property
+    def feet_shown(self) -> float:
+        """Share of the frames in which a foot is seen."""
+        return 1.0 if self.feet_seen is None else float(self.feet_seen.mean())
 
     @property
     def swapped_states(self) -> Int[np.ndarray, " T"]:
@@ -72,7 +79,7 @@ class Observation:
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
     joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
-    swapped = observation.swapped
+    swapped, seen = observation.swapped, observation.feet_seen
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
@@ -82,6 +89,7 @@ def every(observation: Observation, stride: int) -> Observation:
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
         swapped=None if swapped is None else swapped[::stride],
+        feet_seen=None if seen is None else seen[::stride],
     )
 
 

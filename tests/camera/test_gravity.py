@@ -113,6 +113,15 @@ def test_who_sits_is_carried_by_the_seat_and_who_squats_by_the_feet(side_deg: in
     assert angle_deg(estimate.up, Y_UP) < 8.0
 
 
+def test_what_unseen_feet_do_does_not_tilt_the_world() -> None:
+    lying = turned(posed(POSTURES["lying"]), Rotation.from_euler("z", 90, degrees=True))
+    ups = [
+        estimate_up([FilmedBody(lying, FPS, LEVEL_CAMERA, shown)], PRIOR).up for shown in (1, 0.1)
+    ]
+    assert angle_deg(ups[0], Y_UP) > 60.0
+    assert angle_deg(ups[1], Y_UP) < 10.0
+
+
 def test_an_up_on_which_the_witnesses_disagree_is_doubtful() -> None:
     """A push-up towards a level camera, or a man who stands below one that looks down steeply."""
     held = Rotation.from_euler("x", 5, degrees=True).as_matrix() @ LEVEL_CAMERA

@@ -400,6 +400,17 @@ def test_a_weight_of_0_leaves_it_out() -> None:
     assert balance_terms(made.body, leaning(0.1), made.observations, FitParams(balance=0.0)) == []
 
 
+def test_unseen_feet_are_drawn_nowhere() -> None:
+    made = scene(20, [0.0], np.random.default_rng(0))
+    costs = []
+    for seen in (True, False):
+        feet = [replace(o, feet_seen=np.full(20, seen)) for o in made.observations]
+        (term,) = balance_terms(made.body, leaning(0.5), feet, FitParams())
+        costs.append(float(term.cost(leaning(0.5))))
+    assert costs[0] > 1.0
+    assert costs[1] == 0.0
+
+
 def test_the_arm_is_from_the_middle_of_the_feet_to_the_centre_of_mass() -> None:
     joints = standing(10)
     filmed = FilmedBody(joints, 25.0, np.eye(3))

@@ -62,16 +62,18 @@ SCALE_SIGMAS = 2.0  # beyond it the cost grows only logarithmically: people also
 def balance_terms(
     body: Body, state: MotionState, observations: Sequence[Observation], weights: FitParams
 ) -> list[Term]:
-    """Balance of an action's only video: several from different sides tell how far a body leans,
-    and who balances on one leg would be drawn off the truth (`docs/motion.md`)."""
+    """Balance of an action's only video where it shows a foot: several from different sides tell
+    how far a body leans, and who balances on one leg would be drawn off the truth
+    (`docs/motion.md`); unseen feet would be drawn under whatever the body does."""
     if weights.balance == 0:
         return []
     joints = body.positions(body.joints, state).detach().cpu().numpy()
     filmed = [
-        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first)]
+        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.feet_shown)]
         for x, o in zip(joints, observations, strict=True)
     ]
-    return [balance_term(body, state, filmed, weights)]
+    seen = [None if o.feet_seen is None else o.feet_seen.astype(float) for o in observations]
+    return [balance_term(body, state, filmed, weights, seen)]
 
 
 def balance_term(
@@ -79,7 +81,7 @@ def balance_term(
     state: MotionState,
     filmed: Sequence[Sequence[FilmedBody]],
     weights: FitParams,
-    shares: Float[np.ndarray, "B T"] | None = None,
+    shares: Sequence[Float[np.ndarray, " T"] | None],
 ) -> Term:
     """Balance over the limbs that support each motion, under the up that its cameras tell.
 
@@ -87,7 +89,7 @@ def balance_term(
 
     Args:
         filmed: of each motion the body with its camera, then other cameras without it (NaN).
-        shares: of the weight in each frame; None: all of it.
+        shares: of each motion's weight in each frame; None: all of it.
     """
     level = LevelPrior(
         weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
@@ -96,7 +98,8 @@ def balance_term(
     for v, bodies in enumerate(filmed):
         arm, whiten = arms_above_support(bodies[0], estimate_up(bodies, level).up)
         arms.append(arm)
-        whitening.append(whiten if shares is None else whiten * shares[v, :, None, None] ** 0.5)
+        share = shares[v]
+        whitening.append(whiten if share is None else whiten * share[:, None, None] ** 0.5)
     rows = padded(arms, state.trans), padded(whitening, state.trans)
     return Balance(body, *rows, weights.balance, SCALE_SIGMAS)
 

@@ -323,12 +323,13 @@ def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> 
     if scene.fit.balance == 0 or not shares.any():
         return []
     used = set(np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist())
+    shown = max(scene.observations[v].feet_shown for v in used)
     filmed = [
-        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v])
+        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v], shown)
         for x, views in ((joints, {scene.reference}), (joints * np.nan, used - {scene.reference}))
         for v in sorted(views)
     ]
-    return [balance_term(scene.body, motion, [filmed], scene.fit, shares[None])]
+    return [balance_term(scene.body, motion, [filmed], scene.fit, [shares])]
 
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
