@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
-from imocap_core.io.readers.joint_estimators import read_joints_npz
+from imocap_core.io.readers.estimates import read_joints_npz
 from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.io.truth import read_truth
 from imocap_core.io.writers.export_npz import ExportedHands, ExportedVideo, write_amass

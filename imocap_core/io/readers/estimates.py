@@ -1,13 +1,21 @@
-"""Shared by the readers of monocular 3D estimates: checked fields, and the performer's rows.
+"""Monocular 3D estimates: checked fields and the performer's rows, for every reader; 3D joints.
 
 Of a monocular estimate the joint rotations (or the joints) are used, in camera axes (x right,
 y down, z forward). Its translation is not: its depth depends on the focal length that each tool
 assumes, so the body is placed by the keypoints.
+
+Of 3D joints: joints_npz, and SAM 3D Body as its users saved it: a list with one entry per frame,
+each a list of people, one person, or {``frame``: number, ``people``: list of people}; a person is a
+dictionary with ``pred_keypoints_3d`` (70, 3) metres in camera axes, ``pred_keypoints_2d`` (70, 2)
+pixels, ``bbox`` x0, y0, x1, y1 in pixels, and more. Or an npz with ``pred_keypoints_3d`` (T, 70, 3)
+of one person and, optionally, ``frames`` (T,). The 70 points are MHR's; those that are joints of
+SMPL are used by the fits. MHR's parameters are of its own body and not used: the joints' distances
+tell the size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +26,8 @@ from jaxtyping import Bool, Float, Int
 
 from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
-from imocap_core.io.readers.people import LARGEST, listed, read_json, short, type_name
+from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
+from imocap_core.io.readers.people import LARGEST, frame_number, listed, read_json, short, type_name
 from imocap_core.rotations import exp
 
 REACH = 0.75  # of the larger side of the performer's box: further away it is somebody else
@@ -170,41 +179,6 @@ def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " 
     return values.astype(np.int64)
 
 
-@dataclass(frozen=True)
-class PersonInFrame:
-    """One person's values in one frame; middle_px: NaN where the file has no place in the
-    picture."""
-
-    frame: int
-    middle_px: Float[np.ndarray, "2"]
-    values: Float[np.ndarray, "..."]
-
-
-def frame_entries(content: Any, path: Path) -> list[Any]:
-    """The entries of a list with one for each frame. ValueError when it is none, or empty."""
-    entries = listed(content, path, "a list with one entry per frame")
-    if not entries:
-        raise ValueError(f"{path}: expected a list with one entry per frame, got an empty one")
-    return entries
-
-
-def read_saved(path: Path) -> Any:
-    """The content of a JSON, .npy, .pkl or .pt file."""
-    return read_json(path) if path.suffix == ".json" else read_results(path)
-
-
-def of_performer(
-    people: Sequence[PersonInFrame], performer: PerformerBoxes, path: Path
-) -> Float[np.ndarray, "T *rest"]:
-    """The performer's values at the used frames, NaN where missing. ValueError without anybody."""
-    if not people:
-        raise ValueError(f"{path}: expected at least one person, got none; run it again")
-    middle = np.array([person.middle_px for person in people])
-    places = middle if np.isfinite(middle).all() else None
-    frames = np.array([person.frame for person in people], dtype=np.int64)
-    return of_tracks([(frames, places, np.stack([p.values for p in people]))], performer, path)
-
-
 Track = tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 2"] | None, Float[np.ndarray, "..."]]
 
 
@@ -250,3 +224,96 @@ def fields_of(content: Any, path: Path, what: str) -> dict[str, Any]:
         got = "an empty one" if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary {what}, got {got}")
     return {str(name): fields for name, fields in content.items()}
+
+
+@dataclass(frozen=True)
+class JointsEstimate:
+    """Joints in metres, camera axes, root-relative or not; NaN where missing."""
+
+    joints: Float[np.ndarray, "T J 3"]
+    joint_names: tuple[str, ...]
+
+
+def read_joints_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> JointsEstimate:
+    """The estimate at the used source frames.
+
+    The file has ``joints`` (N, J, 3), ``joint_names`` (J,) and, optionally, ``frames`` (N,);
+    see `rows_for_frames` for files without. ValueError names file, array, expected and got.
+    """
+    arrays = load_arrays(path)
+    joints = numbers(arrays, "joints", ("T", "J", 3), path)
+    joint_names = names(arrays, "joint_names", joints.shape[1], path)
+    rows = rows_for_frames(arrays, len(joints), used_frames, path)
+    return JointsEstimate(joints[rows], joint_names)
+
+
+POINTS_3D, POINTS_2D = "pred_keypoints_3d", "pred_keypoints_2d"
+
+
+def _hand(side: str) -> tuple[str, ...]:
+    """MHR's 20 points of a hand, tips first, under SMPL+H's names, and the wrist."""
+    fingers = ("thumb", "index", "middle", "ring", "pinky")
+    points = [f"{side}_{f}{n}" for f in fingers for n in ("_tip", 3, 2, 1)]
+    return (*points, f"{side}_wrist")
+
+
+# MHR's 70 keypoints in their order, named as in this project where it has them.
+NAMES: tuple[str, ...] = (
+    *("nose", "left_eye", "right_eye", "left_ear", "right_ear"),
+    *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hip", "right_hip"),
+    *("left_knee", "right_knee", "left_ankle", "right_ankle"),
+    *("left_big_toe", "left_small_toe", "left_heel"),
+    *("right_big_toe", "right_small_toe", "right_heel"),
+    *_hand("right"),
+    *_hand("left"),
+    *("left_olecranon", "right_olecranon", "left_cubital_fossa", "right_cubital_fossa"),
+    *("left_acromion", "right_acromion", "neck"),
+)
+
+
+def saved_people(path: Path) -> Iterator[tuple[int, list[tuple[dict[str, Any], str]]]]:
+    """Per frame its number, and its people with their places in the file.
+
+    ValueError names file, frame, expected and got.
+    """
+    content = read_json(path) if path.suffix == ".json" else read_results(path)
+    entries = listed(content, path, "a list with one entry per frame")
+    if not entries:
+        raise ValueError(f"{path}: expected a list with one entry per frame, got an empty one")
+    for n, entry in enumerate(entries):
+        where, frame, people = f"{path}: [{n}]", n, entry
+        if isinstance(entry, dict) and not {POINTS_3D, POINTS_2D} & set(entry):
+            frame = frame_number(entry.get("frame", n), f"{where}: frame")
+            people = entry.get("people")
+        elif isinstance(entry, dict):
+            people = [entry]
+        people = listed(people, where, f"a list of people with {POINTS_3D}")
+        if not all(isinstance(p, dict) for p in people):
+            raise ValueError(f"{where}: expected a list of people with {POINTS_3D}, got a list")
+        yield frame, [(person, f"{where}[{i}]") for i, person in enumerate(people)]
+
+
+def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    """The performer's 70 points at the used frames, metres, camera axes, NaN where missing.
+
+    ValueError names file, frame, field, expected and got.
+    """
+    if path.suffix == ".npz":
+        arrays = load_arrays(path)
+        table = numbers(arrays, POINTS_3D, ("T", len(NAMES), 3), path)
+        rows = rows_for_frames(arrays, len(table), performer.frames, path)
+        return JointsEstimate(table[rows], NAMES)
+    frames, middles, joints = [], [], []
+    for frame, people in saved_people(path):
+        for person, where in people:
+            box = np.full(4, np.nan)
+            if person.get("bbox") is not None:
+                box = field(person, "bbox", (4,), where)
+            frames.append(frame)
+            middles.append(0.5 * (box[:2] + box[2:]))
+            joints.append(field(person, POINTS_3D, (len(NAMES), 3), where))
+    if not frames:
+        raise ValueError(f"{path}: expected at least one person, got none; run it again")
+    places = np.array(middles) if np.isfinite(middles).all() else None
+    tracks = [(np.array(frames, dtype=np.int64), places, np.stack(joints))]
+    return JointsEstimate(of_tracks(tracks, performer, path), NAMES)

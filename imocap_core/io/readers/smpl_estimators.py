@@ -44,6 +44,7 @@ from imocap_core.io.array_files import read_results
 from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
 from imocap_core.io.readers.estimates import (
     Entries,
+    JointsEstimate,
     PerformerBoxes,
     Track,
     checked_rotations,
@@ -54,9 +55,10 @@ from imocap_core.io.readers.estimates import (
     of_tracks,
     performer_of,
     performer_rows,
+    read_joints_npz,
+    read_sam3d_body,
     select_rows,
 )
-from imocap_core.io.readers.joint_estimators import JointsEstimate, read_joints_npz, read_sam3d_body
 from imocap_core.io.readers.mediapipe import read_mediapipe_world
 from imocap_core.io.readers.people import frame_number, listed, type_name
 
