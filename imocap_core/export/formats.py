@@ -13,13 +13,18 @@ from imocap_core.export.blender import Target, blender_program, write_characters
 from imocap_core.export.clips import actors_of, as_character, clip_of, foot_lock_notes
 from imocap_core.export.export_options import LAFAN1, ExportOptions
 from imocap_core.export.laboratory import trial_of, write_opensim
+from imocap_core.export.npz_files import (
+    video_arrays,
+    write_amass,
+    write_cameras,
+    write_sync,
+    write_video,
+)
 from imocap_core.export.side_files import (
     calibration_of,
     digests_of,
     notes_of,
-    npz_values,
     place,
-    write_cameras_and_sync,
     write_notes,
     write_variation,
 )
@@ -27,7 +32,6 @@ from imocap_core.export.view_file import write_mcap, write_rrd
 from imocap_core.files import draft_folder
 from imocap_core.io.writers.bvh import as_lafan1, write_bvh
 from imocap_core.io.writers.c3d import write_c3d
-from imocap_core.io.writers.export_npz import write_amass, write_video
 from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
@@ -124,7 +128,7 @@ def export(
     try:
         with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written, options)
-            files += write_cameras_and_sync(folder, placed)
+            files += [write_sync(folder, placed.sync), write_cameras(folder, placed)]
             files += [] if variation is None else write_variation(folder, variation)
             notes = notes_of(written, format, options) | {"files": digests_of(files)}
             notes |= {"options": asdict(options)} if options != DEFAULT else {}
@@ -190,7 +194,7 @@ def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format:
 
 
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {
-    "npz": lambda out, result, _: [write_video(out, npz_values(v, result)) for v in result],
+    "npz": lambda out, result, _: [write_video(out, v, result) for v in result],
     "bvh": _bvh,
     "glb": _glb,
     "trc": lambda out, result, _: _of_each(
@@ -206,7 +210,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "mcap": lambda out, result, _: write_mcap(out, result),
     "rrd": lambda out, result, _: write_rrd(out, result),
     "amass": lambda out, result, _: [
-        file for video in result for file in write_amass(out, npz_values(video, result))
+        file for v in result for file in write_amass(out, v.id, video_arrays(v, result))
     ],
     "fbx": lambda out, result, options: _by_blender(out, result, options, "fbx"),
     "usd": lambda out, result, options: _by_blender(out, result, options, "usd"),

@@ -4,7 +4,6 @@ by aitviewer. The last needs IMOCAP_AITVIEWER: an interpreter that has aitviewer
 import json
 import os
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
+from imocap_core.export.npz_files import write_amass
 from imocap_core.io.readers.estimates import read_joints_npz
 from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.io.truth import read_truth
-from imocap_core.io.writers.export_npz import ExportedHands, ExportedVideo, write_amass
 from imocap_core.result.body import posed_joints
 from tests.pipeline.made_result import BETAS, FPS, LENGTHS, Made, made_result
 
@@ -77,23 +76,15 @@ def test_both_bodies_have_one_pose(made: Made) -> None:
 
 def test_hands_are_of_the_videos_that_have_them(tmp_path: Path) -> None:
     turns = np.random.default_rng(0).normal(size=(4, 156))
-    video = replace(
-        made_video(4), hands=ExportedHands(turns, np.zeros((4, 2, 21, 3)), np.ones((4, 2), bool))
-    )
-    smplh, smplx, smpl = (np.load(file)["poses"] for file in write_amass(tmp_path, video))
-    np.testing.assert_array_equal(smpl, video.poses)
+    arrays = {"poses": np.ones((4, 72)), "trans": np.zeros((4, 3)), "fps": np.float64(30)}
+    arrays |= {"betas": BETAS, "joints": np.zeros((4, 24, 3))}
+    arrays |= {"joint_names": np.array(SMPL_JOINTS), "model": np.array("free_body d")}
+    files = write_amass(tmp_path, "v", arrays | {"poses_smplh": turns})
+    smplh, smplx, smpl = (np.load(file)["poses"] for file in files)
+    np.testing.assert_array_equal(smpl, arrays["poses"])
     np.testing.assert_array_equal(smplh, turns)
     np.testing.assert_array_equal(np.delete(smplx, range(66, 75), axis=1), turns)
-    assert not np.load(write_amass(tmp_path, made_video(4))[0])["pose_hand"].any()
-
-
-def made_video(count: int) -> ExportedVideo:
-    return ExportedVideo(
-        id="v", poses=np.ones((count, 72)), betas=BETAS, trans=np.zeros((count, 3)),
-        joints=np.zeros((count, 24, 3)), joint_names=SMPL_JOINTS, fps=30.0, size=(640, 360),
-        frames=np.arange(count), K=np.eye(3), R=np.eye(3), t=np.zeros(3), model="free_body d",
-        up_axis="z",
-    )  # fmt: skip
+    assert not np.load(write_amass(tmp_path, "v", arrays)[0])["pose_hand"].any()
 
 
 def test_our_shape_reaches_no_other_body(made: Made) -> None:
