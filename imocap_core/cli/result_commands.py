@@ -257,23 +257,12 @@ def video_command(
 
 
 def _bars(console: Console) -> RichProgress:
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    return Progress(
-        TextColumn("{task.description:<24}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    from imocap_core.library.terminal import bars
+
+    name, bar = TextColumn("{task.description:<24}"), BarColumn(bar_width=24)
+    return bars(console, name, bar, MofNCompleteColumn(), TimeRemainingColumn())
 
 
 def report_command(

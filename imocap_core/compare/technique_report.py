@@ -15,7 +15,6 @@ from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
 from imocap_core.compare import parts
-from imocap_core.compare.chance import Chance, chance_of
 from imocap_core.compare.compare import (
     Technique,
     TechniqueAngles,
@@ -25,7 +24,13 @@ from imocap_core.compare.compare import (
     technique_angles,
     variation_of,
 )
-from imocap_core.compare.parts import pair_findings, performer_names, technique_findings
+from imocap_core.compare.parts import (
+    Chance,
+    chance_of,
+    pair_findings,
+    performer_names,
+    technique_findings,
+)
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import VIDEO_COLORS
 from imocap_core.result.video import VideoResult
