@@ -44,59 +44,58 @@ class PerformerBoxes:
     size: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Entries:
-    """All estimates of a file: the source frame and the track of each, and the middle of the person
-    in the picture, None when the file has no positions."""
-
-    frames: Int[np.ndarray, " N"]
-    track: Int[np.ndarray, " N"]
-    middle_px: Float[np.ndarray, "N 2"] | None
+Track = tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 2"] | None, Float[np.ndarray, "..."]]
 
 
-def performer_rows(
-    entries: Entries, performer: PerformerBoxes, path: Path
-) -> Int[np.ndarray, " T"]:
-    """Index of the performer's estimate at each used frame, -1 where there is none.
+def of_tracks(
+    tracks: Sequence[Track], performer: PerformerBoxes, path: Path
+) -> Float[np.ndarray, "T *rest"]:
+    """The performer's values at the used frames, NaN where missing.
 
     Of several people in a frame the one nearest to the performer's box is used; without positions
     in the file, the track that is in most of the used frames.
 
+    tracks: of each person the frames (N,), the middles in the picture (N, 2) or None, the values.
     ValueError when no used frame has an estimate.
     """
+    each_frames, middles, each_values = zip(*tracks, strict=True)
+    frames, values = np.concatenate(each_frames), np.concatenate(each_values)
+    track = np.repeat(np.arange(len(tracks)), [len(each) for each in each_frames])
     used = {int(frame): row for row, frame in enumerate(performer.frames)}
-    rows = np.full(len(performer.frames), -1, dtype=np.int64)
-    in_used = np.array([int(frame) in used for frame in entries.frames], dtype=bool)
-    alone = len(set(entries.frames[in_used].tolist())) == int(in_used.sum())
+    in_used = np.array([int(frame) in used for frame in frames], dtype=bool)
     keep = in_used
-    if not alone and entries.middle_px is None:
-        tracks, counts = np.unique(entries.track[in_used], return_counts=True)
-        keep = in_used & (entries.track == tracks[counts.argmax()])
-    if not alone and entries.middle_px is not None:
-        keep = in_used & _nearest(entries, performer, used)
+    if len(set(frames[in_used].tolist())) < int(in_used.sum()):
+        if any(m is None for m in middles):
+            numbers, counts = np.unique(track[in_used], return_counts=True)
+            keep = in_used & (track == numbers[counts.argmax()])
+        else:
+            keep = in_used & _nearest(frames, np.concatenate(middles), performer, used)
+    rows = np.full(len(performer.frames), -1, dtype=np.int64)
     for n in np.flatnonzero(keep):
-        rows[used[int(entries.frames[n])]] = n
+        rows[used[int(frames[n])]] = n
     if (rows < 0).all():
-        have = (
-            f"{entries.frames.min()} to {entries.frames.max()}" if len(entries.frames) else "none"
-        )
+        have = f"{frames.min()} to {frames.max()}" if len(frames) else "none"
         where = " at the performer's keypoints" if in_used.any() else ""
         first, last = performer.frames[0], performer.frames[-1]
         raise ValueError(
             f"{path}: expected an estimate in frames {first} to {last}{where}, got frames {have}; "
             "give the estimate of this video"
         )
-    return rows
+    selected = values[np.maximum(rows, 0)].astype(np.float64)
+    selected[rows < 0] = np.nan
+    return selected
 
 
 def _nearest(
-    entries: Entries, performer: PerformerBoxes, used: dict[int, int]
+    frames: Int[np.ndarray, " N"],
+    middle_px: Float[np.ndarray, "N 2"],
+    performer: PerformerBoxes,
+    used: dict[int, int],
 ) -> Bool[np.ndarray, " N"]:
-    """Which entries are the nearest to the performer's box in their frames."""
-    assert entries.middle_px is not None
-    places = np.where(np.abs(entries.middle_px) < LARGEST, entries.middle_px, np.nan)
+    """Which estimates are the nearest to the performer's box in their frames."""
+    places = np.where(np.abs(middle_px) < LARGEST, middle_px, np.nan)
     best: dict[int, tuple[float, int]] = {}
-    for n, frame in enumerate(entries.frames):
+    for n, frame in enumerate(frames):
         if int(frame) not in used:
             continue
         box = performer.box_px[used[int(frame)]]
@@ -104,18 +103,9 @@ def _nearest(
         reach = REACH * float(np.max(box[2:] - box[:2]))
         if away <= min(reach, best.get(int(frame), (np.inf, -1))[0]):  # NaN is never
             best[int(frame)] = (away, n)
-    keep = np.zeros(len(entries.frames), dtype=bool)
+    keep = np.zeros(len(frames), dtype=bool)
     keep[[n for _, n in best.values()]] = True
     return keep
-
-
-def select_rows(
-    values: Float[np.ndarray, "N *rest"], rows: Int[np.ndarray, " T"]
-) -> Float[np.ndarray, "T *rest"]:
-    """Values at some rows, NaN where the row is -1."""
-    selected = values[np.maximum(rows, 0)].astype(np.float64)
-    selected[rows < 0] = np.nan
-    return selected
 
 
 def field(
@@ -177,23 +167,6 @@ def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " 
     if not (np.isfinite(values).all() and (values >= 0).all() and (values % 1 == 0).all()):
         raise ValueError(f"{where}: expected frame numbers from 0, got {short(values)}")
     return values.astype(np.int64)
-
-
-Track = tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 2"] | None, Float[np.ndarray, "..."]]
-
-
-def of_tracks(
-    tracks: Sequence[Track], performer: PerformerBoxes, path: Path
-) -> Float[np.ndarray, "T *rest"]:
-    """The performer's values at the used frames, NaN where missing.
-
-    tracks: of each person the frames (N,), the middles in the picture (N, 2) or None, the values.
-    """
-    frames, middles, values = zip(*tracks, strict=True)
-    track = np.repeat(np.arange(len(tracks)), [len(each) for each in frames])
-    places = None if any(m is None for m in middles) else np.concatenate(middles)
-    entries = Entries(np.concatenate(frames), track, places)
-    return select_rows(np.concatenate(values), performer_rows(entries, performer, path))
 
 
 MiddleOf = Callable[

@@ -32,13 +32,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.npz import array_names, load_arrays, numbers
-from imocap_core.io.readers.estimates import (
-    Entries,
-    JointsEstimate,
-    PerformerBoxes,
-    performer_rows,
-    select_rows,
-)
+from imocap_core.io.readers.estimates import JointsEstimate, PerformerBoxes, Track, of_tracks
 from imocap_core.io.readers.people import (
     LARGEST,
     LAYOUT_OF_COUNT,
@@ -96,20 +90,18 @@ def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimat
     ValueError names file, field, expected and got, or says that no used frame has a person.
     """
     people = dict(_frames(path, WORLD))
-    persons = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
-    if not persons:
+    most = max(map(len, people.values()), default=0)
+    if most == 0:
         raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
-    places = None
-    if any(len(in_frame) > 1 for in_frame in people.values()):
-        pixels = _in_pixels(path, performer.size)
-        if all(len(pixels.get(frame, ())) == len(ps) for frame, ps in people.items()):
-            places = np.array(
-                [np.nanmean(pixels[frame][n][:, :2], axis=0) for frame, n, _ in persons]
-            )
-    frames, track = (np.array([entry[i] for entry in persons]) for i in (0, 1))
-    rows = performer_rows(Entries(frames, track, places), performer, path)
-    joints = select_rows(np.stack([person[:, :3] for _, _, person in persons]), rows)
-    return JointsEstimate(joints, layout_names(LAYOUT))
+    pixels = _in_pixels(path, performer.size) if most > 1 else {}
+    placed = all(len(pixels.get(frame, ())) == len(ps) for frame, ps in people.items())
+    tracks: list[Track] = []
+    for n in range(most):
+        of = [frame for frame, in_frame in people.items() if len(in_frame) > n]
+        places = [np.nanmean(pixels[frame][n][:, :2], axis=0) for frame in of if placed]
+        joints = np.stack([people[frame][n][:, :3] for frame in of])
+        tracks.append((np.array(of), np.array(places) if placed else None, joints))
+    return JointsEstimate(of_tracks(tracks, performer, path), layout_names(LAYOUT))
 
 
 def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Landmarks]]:
