@@ -212,7 +212,7 @@ def run_all_command(
     One that fails stops no other; the exit code is 1 when one did.
     """
     from imocap_core.library.run_all import ExecutorChoice, check_choice, run_all
-    from imocap_core.library.terminal import ManyActions
+    from imocap_core.library.run_all_terminal import ManyActions
 
     if bool(actions) == every:
         raise WrongUse("expected actions, or --all for every one below actions/: one of them")

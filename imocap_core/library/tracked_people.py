@@ -10,7 +10,7 @@ from imocap_core.adapters.tracked_people import (
     declared_row,
 )
 from imocap_core.errors import WorkFailed
-from imocap_core.library.people import PersonSummary, VideoPeople
+from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.action import Action, Declaration, path_of

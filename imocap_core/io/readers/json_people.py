@@ -33,7 +33,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -63,15 +63,15 @@ class Form:
     """A format of JSON files: what messages call it, its layouts, and the people of an entry.
 
     people: of an entry's content, number and place. flat: points are numbers x, y, confidence, x,
-    ..., else rows. folder: its usual place is a folder. one_file: what a single file is expected to
-    be, and advice where it is not.
+    ..., else rows. folder: whether a folder has them, one file an entry. one_file: what a single
+    file is expected to be, and advice where it is not.
     """
 
     name: str
     layouts: tuple[str, ...]
     people: Callable[[Any, int, str], People]
     flat: bool = False
-    folder: bool = False
+    folder: Literal["no", "may be", "as a rule"] = "may be"
     one_file: tuple[str, str] = ("a list with one entry a frame", "")
 
 
@@ -81,10 +81,10 @@ _FAULTS_SHOWN = 5
 
 def entries_of(path: Path, form: Form) -> list[Entry]:
     """The entries of a file, or the files of a folder. ValueError where there are none."""
-    if path.is_dir():
+    if path.is_dir() and form.folder != "no":
         files = numbered_files(path, what=form.name)
         return [(number, file, str(file)) for number, file in files.items()]
-    if form.folder and not path.exists():
+    if form.folder == "as a rule" and not path.exists():
         raise ValueError(
             f"{path}: expected a folder with one {form.name} JSON file per frame, found none (no "
             "such file or folder); check `keypoints` in action.yaml"
@@ -124,7 +124,7 @@ def read_people(form: Form, path: Path, layout: str) -> DetectedPeople:
         more = len(faults) - _FAULTS_SHOWN
         shown = faults[:_FAULTS_SHOWN] + ([f"and {more} more such files"] if more > 0 else [])
         raise ValueError("\n".join(shown))
-    return detections(people, layout, path)
+    return detections(people, layout, path, maybe_nobody=form is OPENPOSE)
 
 
 def _field(value: Any, name: str, default: Any = None) -> Any:
@@ -276,7 +276,7 @@ OPENPOSE = Form(
     ("body25", "body25b", "coco18", "coco17", "halpe26", "wholebody133"),
     _of_openpose,
     flat=True,
-    folder=True,
+    folder="as a rule",
     one_file=(
         "a folder with one OpenPose JSON file per frame, or one file with a list of all frames",
         "check `keypoints` in action.yaml",
@@ -288,10 +288,11 @@ COCO = Form(
     ("coco17", "halpe26", "body25", "coco18", "wholebody133", "halpe136"),
     _of_coco,
     flat=True,
+    folder="no",
     one_file=(f"COCO{_RESULTS[0]}", _RESULTS[1]),
 )
 ALPHAPOSE = replace(COCO, name="AlphaPose", one_file=(f"AlphaPose{_RESULTS[0]}", _RESULTS[1]))
-PICTURES = replace(ALPHAPOSE, people=_of_picture)
+PICTURES = replace(ALPHAPOSE, people=_of_picture, folder="may be")
 MMPOSE = Form(
     "MMPose",
     ("coco17", "halpe26", "wholebody133", "h36m17", "body25", "coco18"),
@@ -299,7 +300,7 @@ MMPOSE = Form(
     one_file=("a list with one entry per frame", "save the predictions of the whole video"),
 )
 EASYMOCAP = Form(
-    "EasyMocap", ("body25", "coco17", "halpe26", "wholebody133"), _of_easymocap, folder=True
+    "EasyMocap", ("body25", "coco17", "halpe26", "wholebody133"), _of_easymocap, folder="as a rule"
 )
 ULTRALYTICS = Form("Ultralytics", ("coco17", "halpe26", "wholebody133"), _of_ultralytics)
 

@@ -251,10 +251,15 @@ def _numbers(values: Any, where: str) -> Float[np.ndarray, "..."]:
 
 
 def detections(
-    people: Mapping[int, Sequence[Float[np.ndarray, "K 3"]]], layout: str, path: Path
+    people: Mapping[int, Sequence[Float[np.ndarray, "K 3"]]],
+    layout: str,
+    path: Path,
+    *,
+    maybe_nobody: bool = False,
 ) -> DetectedPeople:
-    """Detections of frame number -> people. ValueError when no frame has a person."""
-    if not any(len(in_frame) for in_frame in people.values()):
+    """Detections of frame number -> people. ValueError when no frame has a person; or, where maybe
+    nobody is there, without any frame."""
+    if not (people if maybe_nobody else any(map(len, people.values()))):
         raise ValueError(f"{path}: expected at least one person, got none; check the detector")
     nobody = np.zeros((0, len(layout_names(layout)), 3))
     numbers = sorted(people)

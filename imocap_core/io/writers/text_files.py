@@ -168,7 +168,7 @@ class CameraCalibration:
 
 
 def write_calibration(out: Path, cameras: Sequence[CameraCalibration]) -> list[Path]:
-    """Pose2Sim's Calib.toml; and EasyMocap's files, by OpenCV's FileStorage: intri.yml with `K_<id>`
+    """Pose2Sim's Calib.toml; EasyMocap's files by OpenCV's FileStorage: intri.yml with `K_<id>`
     and `dist_<id>`, extri.yml with `R_<id>` (rotation vector), `Rot_<id>` and `T_<id>`."""
     toml, intri, extri = (out / name for name in ("Calib.toml", "intri.yml", "extri.yml"))
     toml.write_text(_calib_toml(cameras), encoding="utf-8", newline="\n")
