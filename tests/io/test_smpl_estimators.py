@@ -153,21 +153,20 @@ def joints(count):
 NAMES = np.array(["left_hip", "right_hip"])
 
 
-def test_rows_are_the_used_frames_when_there_are_as_many(tmp_path):
-    path = saved(tmp_path, joints=joints(4), joint_names=NAMES)
-    read = read_joints_npz(path, np.arange(10, 14))
-    assert np.array_equal(read.joints, joints(4))
+@pytest.mark.parametrize(
+    ("count", "frames", "used", "rows"),
+    [
+        (4, None, range(10, 14), [0, 1, 2, 3]),  # as many as used frames
+        (20, None, range(10, 14), [10, 11, 12, 13]),  # of the whole video
+        (3, [9, 5, 7], [5, 9], [1, 0]),
+    ],
+)
+def test_rows_are_those_of_the_used_frames(tmp_path, count, frames, used, rows):
+    listed = {} if frames is None else {"frames": frames}
+    path = saved(tmp_path, joints=joints(count), joint_names=NAMES, **listed)
+    read = read_joints_npz(path, np.array(used))
+    assert np.array_equal(read.joints, joints(count)[rows])
     assert read.joint_names == ("left_hip", "right_hip")
-
-
-def test_rows_of_a_whole_video_are_picked_by_frame(tmp_path):
-    path = saved(tmp_path, joints=joints(20), joint_names=NAMES)
-    assert np.array_equal(read_joints_npz(path, np.arange(10, 14)).joints, joints(20)[10:14])
-
-
-def test_the_file_may_say_which_frames_it_has(tmp_path):
-    path = saved(tmp_path, joints=joints(3), joint_names=NAMES, frames=[9, 5, 7])
-    assert np.array_equal(read_joints_npz(path, np.array([5, 9])).joints, joints(3)[[1, 0]])
 
 
 def test_frames_that_are_not_there_are_named(tmp_path):
