@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from imocap_core.detect.environment import Announce
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WrongUse
 from imocap_core.export.blender import FORMATS as OF_BLENDER
 from imocap_core.export.blender import Target, blender_program, write_characters
 from imocap_core.export.clips import actors_of, as_character, clip_of, foot_lock_notes
@@ -20,16 +20,8 @@ from imocap_core.export.npz_files import (
     write_sync,
     write_video,
 )
-from imocap_core.export.side_files import (
-    calibration_of,
-    digests_of,
-    notes_of,
-    place,
-    write_notes,
-    write_variation,
-)
+from imocap_core.export.side_files import calibration_of, notes_of, write_export, write_variation
 from imocap_core.export.view_file import write_mcap, write_rrd
-from imocap_core.files import draft_folder
 from imocap_core.io.writers.bvh import as_lafan1, write_bvh
 from imocap_core.io.writers.c3d import write_c3d
 from imocap_core.io.writers.gltf import write_glb
@@ -103,7 +95,7 @@ def export(
         variation: its mean and modes instead of the videos.
 
     WrongUse for what a format cannot hold, WorkFailed when the result lacks something, `out` cannot
-    be written, or a file there must not be replaced (`placing`).
+    be written, or a file there must not be replaced (`place`).
     """
     check_format(format, up)
     options.check(format)
@@ -125,18 +117,16 @@ def export(
     locks: dict[str, FootLock] = {}
     if options.lock_feet:
         written, locks = with_locked_feet(written)
-    try:
-        with draft_folder(out, "export") as folder:
-            files = WRITERS[format](folder, written, options)
-            files += [write_sync(folder, placed.sync), write_cameras(folder, placed)]
-            files += [] if variation is None else write_variation(folder, variation)
-            notes = notes_of(written, format, options) | {"files": digests_of(files)}
-            notes |= {"options": asdict(options)} if options != DEFAULT else {}
-            notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
-            files.append(write_notes(folder, notes))
-            files = place(files, out, files[-1].name)
-    except OSError as error:
-        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
+    notes = notes_of(written, format, options)
+    notes |= {"options": asdict(options)} if options != DEFAULT else {}
+    notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
+
+    def write(folder: Path) -> list[Path]:
+        files = WRITERS[format](folder, written, options)
+        files += [write_sync(folder, placed.sync), write_cameras(folder, placed)]
+        return files if variation is None else files + write_variation(folder, variation)
+
+    files = write_export(out, "export", notes, write)
     left_out = ", ".join(written.left_out)
     remarks = (
         [f"left out, as they have no place on the common axis: {left_out}"] if left_out else []

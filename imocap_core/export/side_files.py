@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.export_options import LAFAN1, ExportOptions
 from imocap_core.export.npz_files import BETAS_NOTE
-from imocap_core.files import sha256_of, write_csv
+from imocap_core.files import draft_folder, sha256_of, write_csv
 from imocap_core.io.writers.bvh import FPS
 from imocap_core.io.writers.text_files import CameraCalibration
 from imocap_core.result.artifacts import run_record
@@ -31,9 +31,26 @@ from imocap_core.variation import Variation
 NOTES = "export_*.json"
 
 
-def digests_of(files: Sequence[Path]) -> dict[str, str]:
-    """SHA-256 of each file, by its name."""
-    return {file.name: sha256_of(file) for file in files}
+def write_export(
+    out: Path, name: str, notes: dict[str, Any], write: Callable[[Path], list[Path]]
+) -> list[Path]:
+    """Write files into a folder of drafts, and their notes with a digest of each; then move all to
+    the folder `out`.
+
+    Args:
+        name: of the drafts. write: writes into a folder and returns the paths.
+
+    WorkFailed, with nothing moved, when a file cannot be written or must not be replaced.
+    """
+    try:
+        with draft_folder(out, name) as folder:
+            files = write(folder)
+            listed = notes | {"files": {file.name: sha256_of(file) for file in files}}
+            files.append(folder / f"export_{notes['format']}.json")
+            files[-1].write_text(json.dumps(listed, indent=2) + "\n", encoding="utf-8")
+            return place(files, out, files[-1].name)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
 
 
 def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
@@ -157,13 +174,6 @@ def notes_of(
     if result.left_out:
         notes["left_out"] = list(result.left_out)
     return notes
-
-
-def write_notes(out: Path, notes: dict[str, Any]) -> Path:
-    """Write out/export_<format>.json and return its path."""
-    file = out / f"export_{notes['format']}.json"
-    file.write_text(json.dumps(notes, indent=2) + "\n", encoding="utf-8")
-    return file
 
 
 def _video(result: ActionResult, video: VideoResult) -> dict[str, Any]:
