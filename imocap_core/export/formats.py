@@ -23,7 +23,7 @@ from imocap_core.export.npz_files import (
 from imocap_core.export.side_files import calibration_of, notes_of, write_export, write_variation
 from imocap_core.export.view_file import write_mcap, write_rrd
 from imocap_core.io.writers.bvh import as_lafan1, write_bvh
-from imocap_core.io.writers.c3d import write_c3d
+from imocap_core.io.writers.c3d import c3d_bytes
 from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
@@ -194,7 +194,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
         out, result, "_joints.csv", lambda f, v: write_joints_csv(f, _clip(v), v.joint_sd_mm)
     ),
     "c3d": lambda out, result, _: _of_each(
-        out, result, ".c3d", lambda f, v: write_c3d(f, trial_of(v, result.up_axis))
+        out, result, ".c3d", lambda f, v: f.write_bytes(c3d_bytes(trial_of(v, result.up_axis)))
     ),
     "opensim": lambda out, result, _: write_opensim(out, result),
     "mcap": lambda out, result, _: write_mcap(out, result),

@@ -35,10 +35,14 @@ def html_table(table: Table, glossary: Mapping[str, str] | None = None) -> str:
         body.append(f"<tr{total}>{inside}</tr>")
     note = f"<p>{html.escape(table.note)}</p>\n" if table.note else ""
     title = html.escape(table.title)
+    return f"<h3>{title}</h3>\n{_wide(title, head, body)}\n{note}"
+
+
+def _wide(title: str, head: str, body: Sequence[str]) -> str:
+    """A table of some cells, which can be scrolled sideways; title: for who does not see it."""
     return (
-        f'<h3>{title}</h3>\n<div class="wide" tabindex="0" role="region" aria-label="{title}">'
-        f"<table><thead><tr>{head}</tr></thead>\n<tbody>{''.join(body)}</tbody></table></div>\n"
-        f"{note}"
+        f'<div class="wide" tabindex="0" role="region" aria-label="{title}">'
+        f"<table><thead><tr>{head}</tr></thead>\n<tbody>{''.join(body)}</tbody></table></div>"
     )
 
 
@@ -129,20 +133,15 @@ def _first(folder: Path, leading: Sequence[Picture | None], first: FirstPage | N
 
 def _angles(first: FirstPage) -> str:
     head = "".join(f"<th{_right(k > 0)}>{html.escape(c)}</th>" for k, c in enumerate(first.head))
-    rows = "".join(
-        "<tr>"
-        + "".join(f"<td{_right(k > 0)}>{html.escape(c)}</td>" for k, c in enumerate(row))
-        + "</tr>"
+    rows = [
+        "".join(f"<td{_right(k > 0)}>{html.escape(c)}</td>" for k, c in enumerate(row))
         for row in first.rows
-    )
+    ]
+    table = _wide("Key angles", head, [f"<tr>{row}</tr>" for row in rows])
     items = "".join(f"<li>{html.escape(d.sentence)}.</li>" for d in first.differences)
     several = len(first.head) > 4
     differences = f"<ul>{items}</ul>" if items else f"<p>{_ALIKE}</p>" * several
-    return (
-        f"<p>{html.escape(first.moment)}:</p>\n"
-        f'<div class="wide" tabindex="0" role="region" aria-label="Key angles"><table><thead><tr>'
-        f"{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{differences}\n"
-    )
+    return f"<p>{html.escape(first.moment)}:</p>\n{table}\n{differences}\n"
 
 
 def _section(
