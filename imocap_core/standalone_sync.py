@@ -13,7 +13,7 @@ import yaml
 
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.side_files import write_sync_table
+from imocap_core.export.npz_files import write_sync
 from imocap_core.figures.sync_summary import SyncRow, sync_rows
 from imocap_core.files import write_whole
 from imocap_core.io.readers.keypoint_readers import guess_detections
@@ -363,7 +363,7 @@ def _write(folder: Path, solved: SolvedSync, display: Display) -> list[Path]:
 
     job, keypoints, sync = solved.job, solved.keypoints, solved.sync
     folder.mkdir(parents=True, exist_ok=True)
-    written = [write_sync_table(folder, solved.values)]
+    written = [write_sync(folder, solved.values)]
     with quiet():
         reach_s = job.settings.params.sync.confidence_reach_s
         save(sync_picture(keypoints, sync, reach_s=reach_s), folder / PICTURE)

@@ -21,14 +21,14 @@ PAGES += ("imocap_core/**/*.md",)
 CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
-    "files of the core": 344,
-    "lines of the core": 71_638,
+    "files of the core": 339,
+    "lines of the core": 71_160,
     "packages of the core": 40,
-    "public names of the core": 4_084,
-    "lines of the core's longest function": 79,
+    "public names of the core": 4_071,
+    "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 12,
-    "lines of the tests": 42_602,
+    "lines of the tests": 42_561,
     "words of the documentation": 38_174,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8

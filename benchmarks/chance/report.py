@@ -17,7 +17,7 @@ from benchmarks.actions.captured import data_folder
 from benchmarks.chance.takes import CapturedTake, takes_of
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.tables import write_rows
-from imocap_core.compare.chance import LIKELY, chance_of
+from imocap_core.compare.parts import LIKELY, chance_of
 from imocap_core.motion.multiview.timeline import values_at
 from imocap_core.params import SyncParams
 from imocap_core.pipeline.runner import Display

@@ -32,7 +32,7 @@ from imocap_core.evaluate.scoreboard import (
     true_joints,
 )
 from imocap_core.evaluate.whole_body_scores import whole_body_rows
-from imocap_core.io.readers.joint_estimators import read_joints_npz
+from imocap_core.io.readers.estimates import read_joints_npz
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, means_over_videos, pose_rows
 from imocap_core.pipeline import runner

@@ -29,9 +29,9 @@ from imocap_core.adapters.tracked_people import (
 from imocap_core.artifacts.schemas import CorrectedMarks, HandKeypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
 from imocap_core.io.frame_access import variable_times_s, why_not_detected
+from imocap_core.io.readers.json_people import read_openpose_hands
 from imocap_core.io.readers.keypoint_readers import format_and_layout, read_detections
 from imocap_core.io.readers.mediapipe import read_mediapipe_hands
-from imocap_core.io.readers.openpose import read_openpose_hands
 from imocap_core.io.readers.people import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe, read_checked_gray
 from imocap_core.lifter.keypoint_offsets import corrected_marks, load_correction

@@ -14,6 +14,7 @@ from imocap_core.cli.options import (
     action_names,
     counted,
     print_json,
+    progress_on,
     root_of,
     speaker,
     wait_until_done,
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from imocap_core.collect.listing import ListedFilm
-    from imocap_core.library.api_errors import Progress
     from imocap_core.library.cleaning import Cleaning
     from imocap_core.library.new_action import CollectedAction
 
@@ -83,12 +83,10 @@ def collect_command(
     Without --like, the movement that is repeated most is taken.
     """
     from imocap_core.library.new_action import collect
-    from imocap_core.library.terminal import Terminal
 
-    span = _span(example, from_s, to_s)
-
-    def work(progress: Progress) -> CollectedAction:
-        return collect(
+    span, console = _span(example, from_s, to_s), speaker()
+    with progress_on(console, as_json) as display:
+        done = collect(
             name,
             videos,
             example=span,
@@ -96,16 +94,12 @@ def collect_command(
             dry_run=dry_run,
             root=root_of(context),
             params=sets,
-            progress=progress,
+            progress=display,
         )
-
     if as_json:
-        print_json(work(None).listing.model_dump())
-        return
-    console = speaker()
-    with Terminal(console) as display:
-        done = work(display)
-    _print(console, name, done)
+        print_json(done.listing.model_dump())
+    else:
+        _print(console, name, done)
 
 
 def _span(
@@ -163,12 +157,7 @@ def _table(film: ListedFilm) -> Table:
 
 def pick_command(
     context: typer.Context,
-    name: Annotated[
-        str,
-        typer.Argument(
-            help="A name below actions/, or an action's folder.", autocompletion=action_names
-        ),
-    ],
+    name: ActionName,
     videos: Annotated[
         list[Path] | None, typer.Argument(help="Video files or folders, to make a new action of.")
     ] = None,
@@ -216,12 +205,11 @@ def detect_command(
     from rich.markup import escape
 
     from imocap_core.library.people import detect, not_detected, set_up_detector
-    from imocap_core.library.terminal import Terminal
 
     console = speaker()
     if (action is None) != setup:
         raise WrongUse("expected an action, or --setup alone: imocap detect ACTION")
-    with Terminal(console) as display:
+    with progress_on(console) as display:
         if action is None:
             detector, python = set_up_detector(root=root_of(context), params=sets, progress=display)
             lines = [f"{detector} runs in {python}"]
@@ -248,14 +236,13 @@ def people_command(
     from rich.table import Table
 
     from imocap_core.library.people import people
-    from imocap_core.library.terminal import Terminal
 
-    if as_json:
-        print_json({"videos": people(action, root=root_of(context), params=sets)})
-        return
     console = speaker()
-    with Terminal(console) as display:
+    with progress_on(console, as_json) as display:
         videos = people(action, root=root_of(context), params=sets, progress=display)
+    if as_json:
+        print_json({"videos": videos})
+        return
     for video in videos:
         table = Table("track", "frames", "visible", "score", "box, middle frame", title=video.id)
         for track in video.tracks:

@@ -12,7 +12,8 @@ import os
 import signal
 import sys
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,6 +25,7 @@ from imocap_core.errors import Stopped
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from imocap_core.library.api_errors import Progress
     from imocap_core.pick.server import Served
     from imocap_core.workspace import Workspace
 
@@ -119,6 +121,20 @@ def speaker(*, markup: bool = True) -> Console:
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=True, markup=markup)
+
+
+@contextmanager
+def progress_on(
+    console: Console, as_json: bool = False, verbose: bool = False
+) -> Iterator[Progress]:
+    """The display of what a command does; none where it prints a document for scripts."""
+    if as_json:
+        yield None
+        return
+    from imocap_core.library.terminal import Terminal
+
+    with Terminal(console, verbose=verbose) as display:
+        yield display
 
 
 def counted(number: int, thing: str) -> str:

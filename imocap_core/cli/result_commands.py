@@ -17,6 +17,7 @@ from imocap_core.cli.options import (
     Sets,
     action_names,
     print_json,
+    progress_on,
     root_of,
     speaker,
     wait_until_done,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from imocap_core.film import Film
-    from imocap_core.library.api_errors import Progress
     from imocap_core.standalone_sync import Synchronised
 
 
@@ -257,23 +257,12 @@ def video_command(
 
 
 def _bars(console: Console) -> RichProgress:
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    return Progress(
-        TextColumn("{task.description:<24}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    from imocap_core.library.terminal import bars
+
+    name, bar = TextColumn("{task.description:<24}"), BarColumn(bar_width=24)
+    return bars(console, name, bar, MofNCompleteColumn(), TimeRemainingColumn())
 
 
 def report_command(
@@ -362,10 +351,10 @@ def sync_command(
     Writes sync.csv, a picture and, if there are videos, a film of all videos side by side.
     """
     from imocap_core.library.synchronising import synchronise_videos
-    from imocap_core.library.terminal import Terminal
 
-    def solve(progress: Progress) -> Synchronised:
-        return synchronise_videos(
+    began, console = time.perf_counter(), speaker()
+    with progress_on(console, as_json) as display:
+        done = synchronise_videos(
             sources,
             format=format,
             layout=layout,
@@ -377,16 +366,12 @@ def sync_command(
             repetitions=repetitions,
             root=root_of(context),
             params=sets,
-            progress=progress,
+            progress=display,
         )
-
-    began = time.perf_counter()
     if as_json:
-        print_json(_document(solve(None)))
-        return
-    with Terminal(speaker()) as display:
-        done = solve(display)
-    _print(done, time.perf_counter() - began)
+        print_json(_document(done))
+    else:
+        _print(done, time.perf_counter() - began)
 
 
 def _document(done: Synchronised) -> dict[str, object]:

@@ -19,6 +19,7 @@ from imocap_core.cli.options import (
     ask_about_scripts,
     counted,
     print_json,
+    progress_on,
     root_of,
     shortened,
     speaker,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from imocap_core.diagnostics.findings import Verdict
-    from imocap_core.library.api_errors import Progress
     from imocap_core.library.run_all import ActionEnd
     from imocap_core.library.running import Run
 
@@ -64,7 +64,6 @@ def run_command(
     """Run an action: all stages that have changed, and the report."""
     from imocap_core.library.new_action import action_of_words
     from imocap_core.library.running import run_action
-    from imocap_core.library.terminal import Terminal
     from imocap_core.process import check_device
 
     check_device(device)  # before an action is made of videos
@@ -75,31 +74,27 @@ def run_command(
         options = {"params": sets, "until": until, "device": device}
         _watch(root_of(context), Path(words[0]), name, verbose, options)
     action, remarks = action_of_words(root_of(context), words, name)
-
-    def solve(progress: Progress) -> Run:
-        return run_action(
+    console = speaker()
+    if not as_json:
+        ask_about_scripts(context)
+        for remark in remarks if verbose else shortened(remarks):
+            speaker(markup=False).print(remark)
+    with progress_on(console, as_json, verbose) as display:
+        done = run_action(
             action,
             root=root_of(context),
             params=sets,
             force=force,
             until=until,
             device=device,
-            progress=progress,
+            progress=display,
         )
-
     if as_json:
         from imocap_core.library.run_document import run_document
 
-        done = solve(None)
         print_json(run_document(replace(done, notes=[*remarks, *done.notes])))
-        return
-    ask_about_scripts(context)
-    console = speaker()
-    for remark in remarks if verbose else shortened(remarks):
-        speaker(markup=False).print(remark)
-    with Terminal(console, verbose=verbose) as display:
-        done = solve(display)
-    _print_summary(console, done, verbose)
+    else:
+        _print_summary(console, done, verbose)
 
 
 def _watch(
@@ -108,7 +103,6 @@ def _watch(
     """Run the action of a folder whenever its videos have changed, until Ctrl-C."""
     from imocap_core.library import watching
     from imocap_core.library.running import run_action
-    from imocap_core.library.terminal import Terminal
 
     console, plain = speaker(), speaker(markup=False)
     plain.print(f"Watching {folder}; Ctrl-C ends it.")
@@ -116,7 +110,7 @@ def _watch(
         try:
             name = watching.bring_up_to_date(root, folder, name)
             before = watching.last_result(root, name)
-            with Terminal(console, verbose=verbose) as display:
+            with progress_on(console, verbose=verbose) as display:
                 done = run_action(name, root=root, progress=display, **options)
             _print_summary(console, done, verbose)
             if (after := watching.last_result(root, name)) is not None:
@@ -136,11 +130,10 @@ def stage_command(
 ) -> None:
     """Run one stage, and the stages it needs unless they are cached."""
     from imocap_core.library.running import run_stage
-    from imocap_core.library.terminal import Terminal
 
     ask_about_scripts(context)
     console = speaker()
-    with Terminal(console, verbose=verbose) as display:
+    with progress_on(console, verbose=verbose) as display:
         done = run_stage(
             name,
             action,

@@ -15,7 +15,6 @@ from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
 from imocap_core.compare import parts
-from imocap_core.compare.chance import Chance, chance_of
 from imocap_core.compare.compare import (
     Technique,
     TechniqueAngles,
@@ -25,7 +24,13 @@ from imocap_core.compare.compare import (
     technique_angles,
     variation_of,
 )
-from imocap_core.compare.parts import pair_findings, performer_names, technique_findings
+from imocap_core.compare.parts import (
+    Chance,
+    chance_of,
+    pair_findings,
+    performer_names,
+    technique_findings,
+)
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import VIDEO_COLORS
 from imocap_core.result.video import VideoResult
@@ -53,16 +58,6 @@ class ShownBody:
     R_local: Float[np.ndarray, "N J 3 3"]
     joints: Float[np.ndarray, "N J 3"]
     inside: Bool[np.ndarray, " N"]
-
-
-@dataclass(frozen=True, eq=False)
-class _PageText:
-    """The words of a page; notes are what it says in numbers."""
-
-    title: str
-    lead: str
-    findings: Sequence[MotionDifference]
-    notes: Sequence[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +90,7 @@ def pair_page(
         f"({len(pair.second.instances.ids)}) at equal phases, on one body, facing one way"
     )
     return _page(
-        _PageText(f"{names[0]} and {names[1]}", lead, findings, _pair_notes(pair, chance)),
+        _words(f"{names[0]} and {names[1]}", lead, findings, _pair_notes(pair, chance)),
         pair.first.performances.shaped,
         pair.phase_s,
         bodies,
@@ -136,7 +131,7 @@ def technique_page(
         lead, bodies = f"{each.ids[0]} and {each.ids[1]}", bodies[1:]
         curves = {name: of[1:] for name, of in curves.items()}
     return _page(
-        _PageText(
+        _words(
             t.action,
             f"{lead} at the same moments, on one body, facing one way",
             findings,
@@ -163,8 +158,16 @@ def _filmed(t: Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed
     return shown
 
 
+def _words(
+    title: str, lead: str, findings: Sequence[MotionDifference], notes: Sequence[str]
+) -> dict[str, Any]:
+    """The words of a page; notes are what it says in numbers."""
+    listed = [{"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in findings]
+    return {"title": title, "lead": lead, "notes": list(notes), "findings": listed}
+
+
 def _page(
-    text: _PageText,
+    words: Mapping[str, Any],
     shaped: Shaped,
     phase_s: Float[np.ndarray, " N"],
     bodies: Sequence[ShownBody],
@@ -178,8 +181,7 @@ def _page(
     step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
     ends = {"first": float(phase_s[0]), "last": float(phase_s[-1])}
     header = {
-        "title": text.title,
-        "lead": text.lead,
+        **words,
         "legend": "grid 0.5 m · click joints to measure",
         "reference": "the common time",
         "timeline": {**ends, "step": step, "shared": ends["first"]},
@@ -203,10 +205,6 @@ def _page(
             for share, turns in (
                 [] if modes is None else zip(modes.share, modes.turns, strict=True)
             )
-        ],
-        "notes": list(text.notes),
-        "findings": [
-            {"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in text.findings
         ],
     }
     return viewer.filled(

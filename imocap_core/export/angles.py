@@ -9,12 +9,10 @@ from jaxtyping import Float
 
 from imocap_core.biomechanics.events import angle_events
 from imocap_core.biomechanics.joint_angles import without_steps
-from imocap_core.errors import WorkFailed
 from imocap_core.export.formats import Exported
-from imocap_core.export.side_files import digests_of, notes_of, place, write_notes
+from imocap_core.export.side_files import notes_of, write_export
 from imocap_core.figures.page_figures import angle_figure
 from imocap_core.figures.style import quiet, save
-from imocap_core.files import draft_folder
 from imocap_core.io.writers.text_files import write_angles_csv, write_events_csv
 from imocap_core.result.derived import MeanAngles, mean_angles
 from imocap_core.result.result import ActionResult
@@ -29,28 +27,25 @@ Columns = dict[str, Float[np.ndarray, " T"]]
 def export_angles(result: ActionResult, out: Path) -> Exported:
     """Write joint angles of every video and their mean over the performances below `out`.
 
-    WorkFailed when `out` cannot be written, or a file there must not be replaced (`placing`).
+    WorkFailed when `out` cannot be written, or a file there must not be replaced (`place`).
     """
     level = result if result.up_axis == UP else result.levelled(UP)
     common: ActionResult | None = level
     if level.time != "common":
         placed = any(np.isfinite(video.phase_s).any() for video in level)
         common = level.on_common_time() if placed else None
-    try:
-        with draft_folder(out, "angles") as folder:
-            files = [f for v in level for f in _video_tables(folder, v, level.ground.tilt_sd_deg)]
-            if common is not None:
-                mean = mean_angles(common)
-                files += [_mean_table(folder, mean), _mean_events(folder, mean)]
-                files.append(folder / "angles.png")
-                with quiet():
-                    save(angle_figure(result.action, mean.phase_s, mean.curves), files[-1])
-            notes = notes_of(level, FORMAT) | {"files": digests_of(files)}
-            files.append(write_notes(folder, notes))
-            files = place(files, out, files[-1].name)
-    except OSError as error:
-        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
-    return Exported(files, [])
+
+    def write(folder: Path) -> list[Path]:
+        files = [f for v in level for f in _video_tables(folder, v, level.ground.tilt_sd_deg)]
+        if common is None:
+            return files
+        mean = mean_angles(common)
+        picture = folder / "angles.png"
+        with quiet():
+            save(angle_figure(result.action, mean.phase_s, mean.curves), picture)
+        return [*files, _mean_table(folder, mean), _mean_events(folder, mean), picture]
+
+    return Exported(write_export(out, "angles", notes_of(level, FORMAT), write), [])
 
 
 def _video_tables(folder: Path, video: VideoResult, tilt_sd_deg: float) -> list[Path]:

@@ -7,27 +7,23 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from imocap_core.detect.environment import Announce
-from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.errors import WrongUse
 from imocap_core.export.blender import FORMATS as OF_BLENDER
 from imocap_core.export.blender import Target, blender_program, write_characters
 from imocap_core.export.clips import actors_of, as_character, clip_of, foot_lock_notes
 from imocap_core.export.export_options import LAFAN1, ExportOptions
 from imocap_core.export.laboratory import trial_of, write_opensim
-from imocap_core.export.side_files import (
-    calibration_of,
-    digests_of,
-    notes_of,
-    npz_values,
-    place,
-    write_cameras_and_sync,
-    write_notes,
-    write_variation,
+from imocap_core.export.npz_files import (
+    video_arrays,
+    write_amass,
+    write_cameras,
+    write_sync,
+    write_video,
 )
+from imocap_core.export.side_files import calibration_of, notes_of, write_export, write_variation
 from imocap_core.export.view_file import write_mcap, write_rrd
-from imocap_core.files import draft_folder
 from imocap_core.io.writers.bvh import as_lafan1, write_bvh
-from imocap_core.io.writers.c3d import write_c3d
-from imocap_core.io.writers.export_npz import write_amass, write_video
+from imocap_core.io.writers.c3d import c3d_bytes
 from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
@@ -99,7 +95,7 @@ def export(
         variation: its mean and modes instead of the videos.
 
     WrongUse for what a format cannot hold, WorkFailed when the result lacks something, `out` cannot
-    be written, or a file there must not be replaced (`placing`).
+    be written, or a file there must not be replaced (`place`).
     """
     check_format(format, up)
     options.check(format)
@@ -121,18 +117,16 @@ def export(
     locks: dict[str, FootLock] = {}
     if options.lock_feet:
         written, locks = with_locked_feet(written)
-    try:
-        with draft_folder(out, "export") as folder:
-            files = WRITERS[format](folder, written, options)
-            files += write_cameras_and_sync(folder, placed)
-            files += [] if variation is None else write_variation(folder, variation)
-            notes = notes_of(written, format, options) | {"files": digests_of(files)}
-            notes |= {"options": asdict(options)} if options != DEFAULT else {}
-            notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
-            files.append(write_notes(folder, notes))
-            files = place(files, out, files[-1].name)
-    except OSError as error:
-        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
+    notes = notes_of(written, format, options)
+    notes |= {"options": asdict(options)} if options != DEFAULT else {}
+    notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
+
+    def write(folder: Path) -> list[Path]:
+        files = WRITERS[format](folder, written, options)
+        files += [write_sync(folder, placed.sync), write_cameras(folder, placed)]
+        return files if variation is None else files + write_variation(folder, variation)
+
+    files = write_export(out, "export", notes, write)
     left_out = ", ".join(written.left_out)
     remarks = (
         [f"left out, as they have no place on the common axis: {left_out}"] if left_out else []
@@ -190,7 +184,7 @@ def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format:
 
 
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {
-    "npz": lambda out, result, _: [write_video(out, npz_values(v, result)) for v in result],
+    "npz": lambda out, result, _: [write_video(out, v, result) for v in result],
     "bvh": _bvh,
     "glb": _glb,
     "trc": lambda out, result, _: _of_each(
@@ -200,13 +194,13 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
         out, result, "_joints.csv", lambda f, v: write_joints_csv(f, _clip(v), v.joint_sd_mm)
     ),
     "c3d": lambda out, result, _: _of_each(
-        out, result, ".c3d", lambda f, v: write_c3d(f, trial_of(v, result.up_axis))
+        out, result, ".c3d", lambda f, v: f.write_bytes(c3d_bytes(trial_of(v, result.up_axis)))
     ),
     "opensim": lambda out, result, _: write_opensim(out, result),
     "mcap": lambda out, result, _: write_mcap(out, result),
     "rrd": lambda out, result, _: write_rrd(out, result),
     "amass": lambda out, result, _: [
-        file for video in result for file in write_amass(out, npz_values(video, result))
+        file for v in result for file in write_amass(out, v.id, video_arrays(v, result))
     ],
     "fbx": lambda out, result, options: _by_blender(out, result, options, "fbx"),
     "usd": lambda out, result, options: _by_blender(out, result, options, "usd"),

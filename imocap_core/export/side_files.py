@@ -11,37 +11,46 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.export_options import LAFAN1, ExportOptions
-from imocap_core.files import sha256_of, write_csv
+from imocap_core.export.npz_files import BETAS_NOTE
+from imocap_core.files import draft_folder, sha256_of, write_csv
 from imocap_core.io.writers.bvh import FPS
-from imocap_core.io.writers.export_npz import (
-    BETAS_NOTE,
-    CameraFrames,
-    ExportedHands,
-    ExportedVideo,
-    write_cameras,
-    write_sync,
-)
 from imocap_core.io.writers.text_files import CameraCalibration
 from imocap_core.result.artifacts import run_record
 from imocap_core.result.result import CAMERA_UP, ActionResult
-from imocap_core.result.video import Synchronisation, VideoCamera, VideoResult
+from imocap_core.result.video import VideoCamera, VideoResult
 from imocap_core.variation import Variation
 
 NOTES = "export_*.json"
 
 
-def digests_of(files: Sequence[Path]) -> dict[str, str]:
-    """SHA-256 of each file, by its name."""
-    return {file.name: sha256_of(file) for file in files}
+def write_export(
+    out: Path, name: str, notes: dict[str, Any], write: Callable[[Path], list[Path]]
+) -> list[Path]:
+    """Write files into a folder of drafts, and their notes with a digest of each; then move all to
+    the folder `out`.
+
+    Args:
+        name: of the drafts. write: writes into a folder and returns the paths.
+
+    WorkFailed, with nothing moved, when a file cannot be written or must not be replaced.
+    """
+    try:
+        with draft_folder(out, name) as folder:
+            files = write(folder)
+            listed = notes | {"files": {file.name: sha256_of(file) for file in files}}
+            files.append(folder / f"export_{notes['format']}.json")
+            files[-1].write_text(json.dumps(listed, indent=2) + "\n", encoding="utf-8")
+            return place(files, out, files[-1].name)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
 
 
 def place(drafts: Sequence[Path], out: Path, notes: str) -> list[Path]:
@@ -87,12 +96,6 @@ def _listed(notes: Path) -> dict[str, str]:
         return {}
 
 
-def write_cameras_and_sync(out: Path, result: ActionResult) -> list[Path]:
-    """sync.csv and cameras.json, of a result on the videos' own timelines."""
-    videos = [npz_values(video, result) for video in result]
-    return [write_sync_table(out, result.sync), write_cameras(out, videos, result.reference)]
-
-
 def write_variation(out: Path, variation: Variation) -> list[Path]:
     """variation.npz with all of it, variation.csv with the angles' bands, scores.csv."""
     modes, bands = variation.modes, variation.angles
@@ -125,18 +128,6 @@ def write_variation(out: Path, variation: Variation) -> list[Path]:
     return [out / name for name in ("variation.npz", "variation.csv", "scores.csv")]
 
 
-def write_sync_table(out: Path, sync: Synchronisation) -> Path:
-    """sync.csv."""
-    summary = sync.summary
-    return write_sync(
-        out,
-        {video.id: video.frames for video in sync.videos.values()},
-        {m.id: (m.reference_frame, m.confidence) for m in summary.maps},
-        summary.reference,
-        None if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos},
-    )
-
-
 def calibration_of(camera: VideoCamera) -> CameraCalibration:
     """A camera as calibration files hold it; WrongUse for one that turns, zooms or moves."""
     if not camera.is_static:
@@ -147,40 +138,6 @@ def calibration_of(camera: VideoCamera) -> CameraCalibration:
         )
     lens = tuple(camera.distortion.tolist())
     return CameraCalibration(camera.id, camera.size, camera.K, camera.R, camera.t, lens)
-
-
-def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
-    """One video as its npz file holds it."""
-    hands = None
-    if video.hands is not None:
-        hands = ExportedHands(video.poses, video.hands.points, video.hands.visible)
-    common = result.time == "common"
-    camera = video.camera
-    return ExportedVideo(
-        id=video.id,
-        poses=video.theta,
-        betas=video.betas,
-        trans=video.trans,
-        joints=video.body_joints,
-        joint_names=tuple(SMPL_JOINTS),
-        fps=video.fps,
-        size=camera.size,
-        frames=video.frames,
-        K=camera.K,
-        R=camera.R,
-        t=camera.t,
-        model=video.model,
-        joint_sd_mm=video.uncertainty,
-        per_frame=None
-        if camera.is_static
-        else CameraFrames(camera.K_per_frame, camera.R_per_frame, camera.t_per_frame),
-        distortion=None if camera.lens is None else camera.distortion,
-        up_axis=result.up_axis,
-        hands=hands,
-        inside=video.inside if common else None,
-        phase_s=video.phase_s if common else None,
-        time_s=None if video.keypoints.moments is None else video.time_s,
-    )
 
 
 _TEXTS = tomllib.loads(Path(__file__).with_name("notes.toml").read_text(encoding="utf-8"))
@@ -217,13 +174,6 @@ def notes_of(
     if result.left_out:
         notes["left_out"] = list(result.left_out)
     return notes
-
-
-def write_notes(out: Path, notes: dict[str, Any]) -> Path:
-    """Write out/export_<format>.json and return its path."""
-    file = out / f"export_{notes['format']}.json"
-    file.write_text(json.dumps(notes, indent=2) + "\n", encoding="utf-8")
-    return file
 
 
 def _video(result: ActionResult, video: VideoResult) -> dict[str, Any]:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from imocap_core.artifacts.store import Store, Stored
+from imocap_core.artifacts.store import Store
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.api_errors import plain_errors
 from imocap_core.pipeline.action import FILE_NAME, Action
-from imocap_core.result.artifacts import artifacts_in_store, artifacts_of_stages
+from imocap_core.result.artifacts import artifacts_in_store
 from imocap_core.result.result import ActionResult, Time
 
 if TYPE_CHECKING:
@@ -115,13 +115,6 @@ class Result(ActionResult):
 
         artifacts = artifacts_in_store(store, action.name, action.folder)
         return read_result(artifacts, cls, action.folder, stage)
-
-    @classmethod
-    def of_stages(cls, action: Action, stored: Mapping[str, Stored], stage: MotionStage) -> Result:
-        """The result of the stages that a run went through."""
-        from imocap_core.result.read import read_result
-
-        return read_result(artifacts_of_stages(action.name, stored), cls, action.folder, stage)
 
 
 def exported(

@@ -5,17 +5,11 @@ from __future__ import annotations
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from imocap_core.executors.tasks import Begun, Progressed, TaskEnd
 from imocap_core.library.run_all import ActionEnd, Listener
+from imocap_core.library.terminal import bars
 
 
 class ManyActions:
@@ -24,16 +18,9 @@ class ManyActions:
     def __init__(self, console: Console, *, verbose: bool = False) -> None:
         self.console = console
         self._verbose = verbose
-        self._bars = Progress(
-            TextColumn("{task.fields[who]:<14}"),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.description}"),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
+        who, step = TextColumn("{task.fields[who]:<14}"), TextColumn("{task.description}")
+        done = (BarColumn(bar_width=24), MofNCompleteColumn(), TimeElapsedColumn())
+        self._bars = bars(console, who, *done, step)
         self._all = self._bars.add_task("", total=0, who="all tasks")
         self._workers: dict[str, TaskID] = {}
         self._worker_of: dict[str, str] = {}

@@ -112,6 +112,11 @@ def available_bytes() -> int | None:
     return min(limits, default=None)
 
 
+def stored_in(outcomes: Sequence[Outcome]) -> dict[str, Stored]:
+    """The results of a run by stage."""
+    return {outcome.stage: outcome.stored for outcome in outcomes}
+
+
 LARGE = ("initial_smpl", "sync", "smpl_ba", "refine_sync", "uncertainty")  # stages, in memory
 FORMAT = 1  # rises when a field changes its meaning or goes
 NOTE_EVERY_S = 1.0  # of what a stage is doing
@@ -133,8 +138,7 @@ class RunLog:
         """As plain data; error: the sentence that ended the run, or None."""
         ended = datetime.now(UTC)
         settings, verdict = self.job.settings, self.verdict
-        stored = {outcome.stage: outcome.stored for outcome in self.outcomes}
-        sentences = left_out_notes(stored)
+        sentences = left_out_notes(stored_in(self.outcomes))
         if verdict is not None:
             sentences = [finding.sentence for finding in verdict.findings]
         return {
@@ -302,6 +306,8 @@ def run(
         WorkFailed: a stage could not do its work; what was finished stays.
     """
     from imocap_core.library.result import Result  # NumPy and more, not needed by all commands
+    from imocap_core.result.artifacts import artifacts_of_stages
+    from imocap_core.result.read import read_result
 
     if (action is None) == (videos is None):
         raise WrongUse("expected an action or videos=[...], one of them")
@@ -313,8 +319,8 @@ def run(
     done = run_action(
         action, root=root, params=params, force=force, until=until, device=device, progress=progress
     )
-    stored = {outcome.stage: outcome.stored for outcome in done.outcomes}
-    return Result.of_stages(done.job.action, stored, motion_stage)
+    artifacts = artifacts_of_stages(done.job.action.name, stored_in(done.outcomes))
+    return read_result(artifacts, Result, done.job.action.folder, motion_stage)
 
 
 @plain_errors
@@ -358,7 +364,7 @@ def run_action(
     if not part_of_many:
         notes = [*notes, *keep_cache_within_limit(workspace.root)]
     if log.verdict is None:
-        notes = [*notes, *left_out_notes({o.stage: o.stored for o in outcomes})]
+        notes = [*notes, *left_out_notes(stored_in(outcomes))]
     return Run(job, outcomes, notes, time.perf_counter() - began, log.verdict)
 
 
@@ -389,8 +395,7 @@ def run_stage(
                 forced,
                 lambda made: finish(job, made),
             )
-    notes = left_out_notes({o.stage: o.stored for o in outcomes})
-    return Run(job, outcomes, notes, time.perf_counter() - began)
+    return Run(job, outcomes, left_out_notes(stored_in(outcomes)), time.perf_counter() - began)
 
 
 def _motion_stage(workspace: Workspace, until: str | None) -> MotionStage:

@@ -11,9 +11,21 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 
 from imocap_core.pipeline.runner import Outcome
+
+
+def bars(console: Console, *columns: ProgressColumn) -> Progress:
+    """Progress bars, of which nothing stays; none where the console is no terminal."""
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 class Terminal:
@@ -24,15 +36,9 @@ class Terminal:
         self._verbose = verbose
         self._step, self._began = "", time.perf_counter()
         self._line = ""  # printed, not ended yet
-        self._bars = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.fields[stage]:<14}"),
-            BarColumn(bar_width=24),
-            TimeElapsedColumn(),
-            TextColumn("{task.description}"),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
+        stage, step = TextColumn("{task.fields[stage]:<14}"), TextColumn("{task.description}")
+        self._bars = bars(
+            console, SpinnerColumn(), stage, BarColumn(bar_width=24), TimeElapsedColumn(), step
         )
         self._task = self._bars.add_task("", total=1.0, stage="", visible=False)
 

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -19,6 +19,20 @@ _COLUMNS = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(enco
 _TITLES: dict[str, str] = _COLUMNS["titles"]
 GLOSSARY: dict[str, str] = _COLUMNS["glossary"]
 METRICS_OF: dict[str, tuple[str, ...]] = {t: tuple(m) for t, m in _COLUMNS["metrics"].items()}
+
+Row = dict[str, Cell]  # by column
+
+
+def table_of(name: str, rows: Sequence[Mapping[str, Cell]], note: str = "") -> Table:
+    """A table with its title, of rows with the same columns in the same order; note: else the one
+    that it always has."""
+    return Table(
+        name=name,
+        title=_COLUMNS["tables"][name],
+        columns=list(rows[0]) if rows else [],
+        rows=[list(row.values()) for row in rows],
+        note=note or _COLUMNS["notes"].get(name, ""),
+    )
 
 
 def column_title(name: str) -> str:

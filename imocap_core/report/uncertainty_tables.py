@@ -30,6 +30,7 @@ from imocap_core.evaluate.action_scores import (
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.calibration import normalised_errors
 from imocap_core.metrics.scoring import ALL_VIDEOS, ScoreRow
+from imocap_core.report.table_files import Row, table_of
 
 
 def uncertainty_tables(
@@ -41,74 +42,48 @@ def uncertainty_tables(
     """Tables with one row per video, per joint, and per further viewpoint."""
     tables = [_by_video(claimed, rows), _by_joint(claimed, motions, truth)]
     if claimed.viewpoints:
-        cells: list[list[Cell]] = [[v.azimuth_deg, v.reduction] for v in claimed.viewpoints]
-        tables.append(
-            Table(
-                name="viewpoints",
-                title="One more camera: reduction of the common motion's variance",
-                columns=["azimuth_deg", "reduction_share"],
-                rows=cells,
-            )
-        )
+        views = [(v.azimuth_deg, v.reduction) for v in claimed.viewpoints]
+        rows_of = [{"azimuth_deg": a, "reduction_share": reduction} for a, reduction in views]
+        tables.append(table_of("viewpoints", rows_of))
     return tables
 
 
 def leave_one_out_tables(claimed: Uncertainty) -> list[Table]:
     """How well each video is predicted without it; no table of a single video."""
-    if not claimed.leave_one_out:
-        return []
-    cells: list[list[Cell]] = [
-        [
-            v.id,
-            _finite(100 * v.error_share),
-            _finite(v.near_share),
-            _finite(100 * v.monocular_error_share),
-            v.frames,
-        ]
+    rows: list[Row] = [
+        {
+            "video": v.id,
+            "error_pct_height": _finite(100 * v.error_share),
+            "share_10": _finite(v.near_share),
+            "monocular_error_pct_height": _finite(100 * v.monocular_error_share),
+            "frames": v.frames,
+        }
         for v in claimed.leave_one_out
     ]
-    return [
-        Table(
-            name="leave_one_out",
-            title="Each video predicted by the others (needs no truth)",
-            columns=[
-                "video",
-                "error_pct_height",
-                "share_10",
-                "monocular_error_pct_height",
-                "frames",
-            ],
-            rows=cells,
-        )
-    ]
+    return [table_of("leave_one_out", rows)] if rows else []
 
 
 def _by_video(claimed: Uncertainty, rows: Sequence[ScoreRow]) -> Table:
     value = {(r.video, r.metric): r.value for r in rows}
-    cells: list[list[Cell]] = [
-        [
+    sds = ("sigma_mm", "depth_mm", "across_mm")
+
+    def row(video: str, azimuth: float | None, sigma: Row, rotation: float | None) -> Row:
+        metrics = {metric: value.get((video, metric)) for metric in CALIBRATION_METRICS}
+        last = {NORMALISED_CAMERA_ERROR: value.get((video, NORMALISED_CAMERA_ERROR))}
+        first: Row = {"video": video, "azimuth_deg": azimuth}
+        return first | sigma | metrics | {"camera_rotation_deg": rotation} | last
+
+    by_video = [
+        row(
             v.id,
-            v.azimuth_deg if np.isfinite(v.azimuth_deg) else None,
-            *(_rms(x[:, EVAL_INDICES]) for x in (v.sigma_mm, v.depth_mm, v.across_mm)),
-            *(value.get((v.id, metric)) for metric in CALIBRATION_METRICS),
+            _finite(v.azimuth_deg),
+            {name: _rms(getattr(v, name)[:, EVAL_INDICES]) for name in sds},
             _finite(v.camera_rotation_deg),
-            value.get((v.id, NORMALISED_CAMERA_ERROR)),
-        ]
+        )
         for v in claimed.videos
     ]
-    means = [value.get((ALL_VIDEOS, metric)) for metric in CALIBRATION_METRICS]
-    means += [None, value.get((ALL_VIDEOS, NORMALISED_CAMERA_ERROR))]
-    cells.append([ALL_VIDEOS, None, *(_mean(cells, k) for k in (2, 3, 4)), *means])
-    return Table(
-        name="uncertainty",
-        title="Claimed standard deviations (root mean square over 12 joints) and normalised errors",
-        columns=[
-            *("video", "azimuth_deg", "sigma_mm", "depth_mm", "across_mm", *CALIBRATION_METRICS),
-            *("camera_rotation_deg", NORMALISED_CAMERA_ERROR),
-        ],
-        rows=cells,
-        note=claimed.status,
-    )
+    means: Row = {name: _mean([of[name] for of in by_video]) for name in sds}
+    return table_of("uncertainty", [*by_video, row(ALL_VIDEOS, None, means, None)], claimed.status)
 
 
 def _by_joint(claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth | None) -> Table:
@@ -124,16 +99,16 @@ def _by_joint(claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth
         error.append(np.linalg.norm(vectors, axis=-1))
     claims, true = np.concatenate(sigma), np.concatenate(error)
     ratio = normalised_errors(true, claims)
-    rows: list[list[Cell]] = [
-        [name, _rms(claims[:, j]), _rms(true[:, j]), _finite(ratio[j])]
+    rows: list[Row] = [
+        {
+            "joint": name,
+            "sigma_mm": _rms(claims[:, j]),
+            "error_mm": _rms(true[:, j]),
+            "normalised_error": _finite(ratio[j]),
+        }
         for j, name in enumerate(joints)
     ]
-    return Table(
-        name="uncertainty_joints",
-        title="Claimed standard deviation and error (root mean squares), by joint",
-        columns=["joint", "sigma_mm", "error_mm", "normalised_error"],
-        rows=rows,
-    )
+    return table_of("uncertainty_joints", rows)
 
 
 def _rms(x: Float[np.ndarray, "..."]) -> float | None:
@@ -145,8 +120,8 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _mean(cells: Sequence[Sequence[Cell]], column: int) -> float | None:
-    numbers = [cell for row in cells if isinstance(cell := row[column], float)]
+def _mean(cells: Sequence[Cell]) -> float | None:
+    numbers = [cell for cell in cells if isinstance(cell, float)]
     return float(np.mean(numbers)) if numbers else None
 
 
@@ -175,12 +150,7 @@ def sentences(claimed: Uncertainty, sync: SyncSummary, most: int | None = SHOWN)
 
 def observability_table(claimed: Uncertainty, sync: SyncSummary) -> Table:
     """The sentences as a table of the report."""
-    return Table(
-        name="open",
-        title="Observability",
-        columns=["sentence"],
-        rows=[[sentence] for sentence in sentences(claimed, sync)],
-    )
+    return table_of("open", [{"sentence": sentence} for sentence in sentences(claimed, sync)])
 
 
 def write_observability(folder: Path, title: str, claimed: Uncertainty, sync: SyncSummary) -> str:
@@ -227,41 +197,31 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
     """One row per video and per triple of videos; no table when `sync.trust` is missing."""
     if sync.trust is None or len(sync.ids) < 2:
         return []
-    videos: list[list[Cell]] = [
-        [
-            v.id + (" (reference)" if v.id == sync.reference else ""),
-            "excluded" if v.id in sync.excluded else "mirrored" if v.id in sync.mirrored else "",
-            *map(_finite, (v.outlier_score, v.mirror_margin, v.left_out_frames, v.left_out_s)),
-            *map(_finite, (v.left_out_share, v.repetition_s, v.repetition_ratio)),
-        ]
+    numbers = [
+        *("outlier_score", "mirror_margin", "left_out_frames", "left_out_s", "left_out_share"),
+        *("repetition_s", "repetition_ratio"),
+    ]
+    treated = dict.fromkeys(sync.mirrored, "mirrored") | dict.fromkeys(sync.excluded, "excluded")
+    videos: list[Row] = [
+        {
+            "video": v.id + (" (reference)" if v.id == sync.reference else ""),
+            "treated": treated.get(v.id, ""),
+            **{name: _finite(getattr(v, name)) for name in numbers},
+        }
         for v in sync.trust.videos
     ]
-    triples: list[list[Cell]] = [
-        [" ".join(t.videos), _finite(t.frames), _finite(t.seconds), t.share]
+    triples: list[Row] = [
+        {
+            "videos": " ".join(t.videos),
+            "residual_frames": _finite(t.frames),
+            "residual_s": _finite(t.seconds),
+            "share": t.share,
+        }
         for t in sync.trust.triples
     ]
-    columns = ["video", "treated", "outlier_score", "mirror_margin"]
-    columns += ["left_out_frames", "left_out_s", "left_out_share"]
-    columns += ["repetition_s", "repetition_ratio"]
-    tables = [
-        Table(
-            name="trust",
-            title="Trust in the synchronisation, by video (needs no truth)",
-            columns=columns,
-            rows=videos,
-            note=" ".join(f"{note}." for note in sync.notes) or _nothing_noticed(sync.trust),
-        )
-    ]
-    if triples:
-        tables.append(
-            Table(
-                name="cycles",
-                title="Round trips over three videos, by the pairwise maps",
-                columns=["videos", "residual_frames", "residual_s", "share"],
-                rows=triples,
-            )
-        )
-    return tables
+    note = " ".join(f"{note}." for note in sync.notes) or _nothing_noticed(sync.trust)
+    tables = [table_of("trust", videos, note)]
+    return [*tables, table_of("cycles", triples)] if triples else tables
 
 
 def _nothing_noticed(trust: SyncTrust) -> str:

@@ -31,11 +31,9 @@ from imocap_core.figures.sheets import (
 from imocap_core.figures.style import quiet, save
 from imocap_core.files import record_made, write_whole
 from imocap_core.pipeline.runner import Job
-from imocap_core.report.card import CARD, card_page
-from imocap_core.report.first_page import ANGLES, first_page, last_result
-from imocap_core.report.page import html_page
+from imocap_core.report.first_page import ANGLES, CARD, card_page, first_page, last_result
+from imocap_core.report.page import html_page, sections
 from imocap_core.report.page_files import PAGE, links
-from imocap_core.report.sections import sections
 from imocap_core.report.table_files import Picture, read_contents
 from imocap_core.result.artifacts import artifacts_of_stages, verdict_of_artifacts
 from imocap_core.result.read import read_result

@@ -19,8 +19,8 @@ from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
 from imocap_core.cli import main
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.io.readers.joint_estimators import read_joints_npz
-from imocap_core.io.readers.openpose import read_openpose
+from imocap_core.io.readers.estimates import read_joints_npz
+from imocap_core.io.readers.json_people import read_openpose
 from imocap_core.io.truth import Truth, VideoTruth
 from imocap_core.pipeline.action import read_action
 from imocap_core.workspace import Workspace

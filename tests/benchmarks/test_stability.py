@@ -29,7 +29,7 @@ from benchmarks.stability.tables import VariantScore, movement
 from benchmarks.stability.variants import frame_range, make_variant
 from imocap_core.artifacts.schemas import Camera, Keypoints, SyncMap, SyncSummary, VideoKeypoints
 from imocap_core.errors import WrongUse
-from imocap_core.io.readers.openpose import read_openpose
+from imocap_core.io.readers.json_people import read_openpose
 from imocap_core.io.truth import Truth, VideoTruth, read_truth
 from imocap_core.io.video import probe, write_h264
 

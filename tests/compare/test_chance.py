@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.compare.chance import LIKELY, Chance, chance_of
 from imocap_core.compare.compare import describe, pair_angles, pair_on_one_axis, performances_of
-from imocap_core.compare.parts import pair_findings
+from imocap_core.compare.parts import LIKELY, Chance, chance_of, pair_findings
 from tests.pipeline.made_result import made_result
 
 N, ANGLES = 40, ("knee", "elbow", "hip")

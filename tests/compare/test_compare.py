@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
-from imocap_core.compare.chance import chance_of
 from imocap_core.compare.compare import (
     compared_moments,
     describe,
@@ -22,7 +21,7 @@ from imocap_core.compare.compare import (
     performers_of,
     several,
 )
-from imocap_core.compare.parts import pair_findings
+from imocap_core.compare.parts import chance_of, pair_findings
 from imocap_core.compare.technique_report import write_pair, write_technique
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints
-from imocap_core.compare.chance import chance_of
 from imocap_core.compare.compare import describe, pair_angles, pair_on_one_axis, performances_of
-from imocap_core.compare.parts import pair_findings
+from imocap_core.compare.parts import chance_of, pair_findings
 from imocap_core.compare.technique_report import pair_page
 from tests.compare.test_compare import swung
 from tests.pipeline.made_result import PHASES, keypoints, made_result, refined

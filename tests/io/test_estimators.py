@@ -15,8 +15,7 @@ import torch
 
 from imocap_core.body.layouts import hand_columns, layout_names
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
-from imocap_core.io.readers.estimates import PerformerBoxes
-from imocap_core.io.readers.joint_estimators import NAMES
+from imocap_core.io.readers.estimates import NAMES, PerformerBoxes
 from imocap_core.io.readers.keypoint_readers import format_and_layout
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS, ROTATIONS
 from tests.io import made_estimates as made

@@ -244,12 +244,7 @@ def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
 
 
 def _write(folder: Path, people: list[np.ndarray]) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, person in enumerate(people):
-        values = [{"pose_keypoints_2d": person.ravel().tolist()}] if len(person) else []
-        file = folder / f"clip_{number:012d}_keypoints.json"
-        file.write_text(json.dumps({"people": values}))
-    return folder
+    return made.write_openpose(folder, {n: [p] if len(p) else [] for n, p in enumerate(people)})
 
 
 def _people(layout: str, frames: int = 8) -> list[np.ndarray]:
@@ -273,12 +268,12 @@ def _people(layout: str, frames: int = 8) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("layout", ["body25", "body25b"])
 def test_the_two_layouts_of_25_points_are_told_apart(layout: str, tmp_path: Path) -> None:
-    folder = _write(tmp_path / "v1", [np.zeros((0, 3)), *_people(layout)])
+    folder = _write(tmp_path, [np.zeros((0, 3)), *_people(layout)])
     assert guess_detections(folder) == ("openpose", layout)
 
 
 def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
-    assert guess_detections(_write(tmp_path / "v1", [np.ones((18, 3))])) == ("openpose", "coco18")
+    assert guess_detections(_write(tmp_path, [np.ones((18, 3))])) == ("openpose", "coco18")
 
 
 @pytest.mark.parametrize(
@@ -294,7 +289,7 @@ def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_not_clear_is_asked_for(people, message, tmp_path):
-    folder = _write(tmp_path / "v1", people)
+    folder = _write(tmp_path, people)
     with pytest.raises(ValueError, match=message):
         guess_detections(folder)
 

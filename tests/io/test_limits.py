@@ -20,7 +20,7 @@ from imocap_core import limits
 from imocap_core.errors import WorkFailed
 from imocap_core.io.array_files import read_object, read_results
 from imocap_core.io.npz import load_arrays
-from imocap_core.io.readers.openpose import read_openpose
+from imocap_core.io.readers.json_people import read_openpose
 from imocap_core.io.readers.people import read_json
 from imocap_core.io.video import probe, read_rgb, write_h264
 from imocap_core.pipeline.source import content_digest

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.io.readers.openpose import read_openpose, read_openpose_hands
+from imocap_core.io.readers.json_people import read_openpose, read_openpose_hands
 
 
 def write(folder, number, people):

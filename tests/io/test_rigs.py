@@ -1,35 +1,29 @@
 """Names, rest pose, root bone and unit of characters: the motion stays the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
-from imocap_core.body import load_free_body
 from imocap_core.camera.gravity import heading
 from imocap_core.export.clips import with_root_bone
 from imocap_core.io.writers.bvh import bvh_text
 from imocap_core.io.writers.gltf import skin_of
-from imocap_core.io.writers.motion_clip import MotionClip, bone_tips, scaled, upright_rest
+from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.rigs import RIGS, as_rig, skin_as_rig
 from imocap_core.rotations import exp
-
-T = 6
+from tests.io.made_clips import made_clip
 
 
 def clip_of(hands: bool, up: str = "y") -> MotionClip:
-    rng = np.random.default_rng(4)
-    model = load_free_body(hands=hands)
-    shaped = model.shape(torch.zeros(10, dtype=torch.float64))
-    rest = shaped.joints_rest.numpy()
-    R = exp(torch.as_tensor(rng.normal(0, 0.4, (T, len(rest), 3)))).numpy()
-    pelvis = rng.normal(0, 1, (T, 3))
-    if up == "z":
-        quarter = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-        R[:, 0], pelvis = quarter @ R[:, 0], pelvis @ quarter.T
-    return MotionClip(
-        "v1", model.joint_names, model.parents, rest - rest[0], bone_tips(shaped), R, pelvis,
-        30.0, np.arange(T, dtype=float), np.ones(T, bool), np.full(T, np.nan),
-    )  # fmt: skip
+    clip = made_clip(frames=6, hands=hands, turn_rad=0.6).clip
+    if up == "y":
+        return clip
+    quarter = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    R = clip.R_local.copy()
+    R[:, 0] = quarter @ R[:, 0]
+    return replace(clip, R_local=R, pelvis=clip.pelvis @ quarter.T)
 
 
 @pytest.mark.parametrize("rig", list(RIGS))
@@ -56,14 +50,15 @@ def test_names_are_those_of_the_rigs() -> None:
 
 
 def test_arms_of_the_mannequin_hang_down_at_rest_and_the_skin_with_them() -> None:
-    clip = clip_of(hands=False)
+    made = made_clip()
+    clip = made.clip
     posed = as_rig(clip, "ue5")
     shoulder, wrist = (clip.joint_names.index(f"left_{j}") for j in ("shoulder", "wrist"))
     arm, before = (c.rest[wrist] - c.rest[shoulder] for c in (posed, clip))
     assert np.degrees(np.arctan2(-arm[1], arm[0]) - np.arctan2(-before[1], before[0])) == (
         pytest.approx(45, abs=1e-9)
     )
-    skin = skin_of(load_free_body().shape(torch.zeros(10, dtype=torch.float64)))
+    skin = skin_of(made.shaped)
     hanging = skin_as_rig(skin, clip, "ue5")
     hand = (skin.weights * (skin.joints == wrist)).sum(1) > 0.95
     assert hand.any()
@@ -86,7 +81,7 @@ def test_a_root_bone_is_on_the_floor_and_turns_about_the_vertical_only(up: str) 
     upright = upright_rest(rooted, up)
     vertical = np.eye(3)[axis]
     np.testing.assert_allclose(
-        upright.R_local[:, 0] @ vertical, np.tile(vertical, (T, 1)), atol=1e-9
+        upright.R_local[:, 0] @ vertical, np.tile(vertical, (6, 1)), atol=1e-9
     )
 
 

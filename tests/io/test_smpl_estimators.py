@@ -4,7 +4,6 @@ by aitviewer. The last needs IMOCAP_AITVIEWER: an interpreter that has aitviewer
 import json
 import os
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
-from imocap_core.io.readers.joint_estimators import read_joints_npz
+from imocap_core.export.npz_files import write_amass
+from imocap_core.io.readers.estimates import read_joints_npz
 from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.io.truth import read_truth
-from imocap_core.io.writers.export_npz import ExportedHands, ExportedVideo, write_amass
 from imocap_core.result.body import posed_joints
 from tests.pipeline.made_result import BETAS, FPS, LENGTHS, Made, made_result
 
@@ -77,23 +76,15 @@ def test_both_bodies_have_one_pose(made: Made) -> None:
 
 def test_hands_are_of_the_videos_that_have_them(tmp_path: Path) -> None:
     turns = np.random.default_rng(0).normal(size=(4, 156))
-    video = replace(
-        made_video(4), hands=ExportedHands(turns, np.zeros((4, 2, 21, 3)), np.ones((4, 2), bool))
-    )
-    smplh, smplx, smpl = (np.load(file)["poses"] for file in write_amass(tmp_path, video))
-    np.testing.assert_array_equal(smpl, video.poses)
+    arrays = {"poses": np.ones((4, 72)), "trans": np.zeros((4, 3)), "fps": np.float64(30)}
+    arrays |= {"betas": BETAS, "joints": np.zeros((4, 24, 3))}
+    arrays |= {"joint_names": np.array(SMPL_JOINTS), "model": np.array("free_body d")}
+    files = write_amass(tmp_path, "v", arrays | {"poses_smplh": turns})
+    smplh, smplx, smpl = (np.load(file)["poses"] for file in files)
+    np.testing.assert_array_equal(smpl, arrays["poses"])
     np.testing.assert_array_equal(smplh, turns)
     np.testing.assert_array_equal(np.delete(smplx, range(66, 75), axis=1), turns)
-    assert not np.load(write_amass(tmp_path, made_video(4))[0])["pose_hand"].any()
-
-
-def made_video(count: int) -> ExportedVideo:
-    return ExportedVideo(
-        id="v", poses=np.ones((count, 72)), betas=BETAS, trans=np.zeros((count, 3)),
-        joints=np.zeros((count, 24, 3)), joint_names=SMPL_JOINTS, fps=30.0, size=(640, 360),
-        frames=np.arange(count), K=np.eye(3), R=np.eye(3), t=np.zeros(3), model="free_body d",
-        up_axis="z",
-    )  # fmt: skip
+    assert not np.load(write_amass(tmp_path, "v", arrays)[0])["pose_hand"].any()
 
 
 def test_our_shape_reaches_no_other_body(made: Made) -> None:
@@ -162,21 +153,20 @@ def joints(count):
 NAMES = np.array(["left_hip", "right_hip"])
 
 
-def test_rows_are_the_used_frames_when_there_are_as_many(tmp_path):
-    path = saved(tmp_path, joints=joints(4), joint_names=NAMES)
-    read = read_joints_npz(path, np.arange(10, 14))
-    assert np.array_equal(read.joints, joints(4))
+@pytest.mark.parametrize(
+    ("count", "frames", "used", "rows"),
+    [
+        (4, None, range(10, 14), [0, 1, 2, 3]),  # as many as used frames
+        (20, None, range(10, 14), [10, 11, 12, 13]),  # of the whole video
+        (3, [9, 5, 7], [5, 9], [1, 0]),
+    ],
+)
+def test_rows_are_those_of_the_used_frames(tmp_path, count, frames, used, rows):
+    listed = {} if frames is None else {"frames": frames}
+    path = saved(tmp_path, joints=joints(count), joint_names=NAMES, **listed)
+    read = read_joints_npz(path, np.array(used))
+    assert np.array_equal(read.joints, joints(count)[rows])
     assert read.joint_names == ("left_hip", "right_hip")
-
-
-def test_rows_of_a_whole_video_are_picked_by_frame(tmp_path):
-    path = saved(tmp_path, joints=joints(20), joint_names=NAMES)
-    assert np.array_equal(read_joints_npz(path, np.arange(10, 14)).joints, joints(20)[10:14])
-
-
-def test_the_file_may_say_which_frames_it_has(tmp_path):
-    path = saved(tmp_path, joints=joints(3), joint_names=NAMES, frames=[9, 5, 7])
-    assert np.array_equal(read_joints_npz(path, np.array([5, 9])).joints, joints(3)[[1, 0]])
 
 
 def test_frames_that_are_not_there_are_named(tmp_path):

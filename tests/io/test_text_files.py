@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.io.writers.text_files import (
     CameraCalibration,
-    trc_text,
     write_calibration,
     write_joints_csv,
     write_trc,
@@ -81,10 +80,10 @@ def test_trc_comes_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows[:, 2:].reshape(12, 24, 3), 1000 * clip.joints, atol=6e-4)
 
 
-def test_trc_names_the_nearest_first_frame() -> None:
+def test_trc_names_the_nearest_first_frame(tmp_path: Path) -> None:
     clip = made_clip().clip
-    lines = trc_text(replace(clip, frames=clip.frames + 0.4), "x.trc").split("\n")
-    assert lines[2].split("\t")[6] == "7"
+    write_trc(tmp_path / "x.trc", replace(clip, frames=clip.frames + 0.4))
+    assert (tmp_path / "x.trc").read_text().split("\n")[2].split("\t")[6] == "7"
 
 
 def test_csv_comes_back(tmp_path: Path) -> None:

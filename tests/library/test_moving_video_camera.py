@@ -1,6 +1,5 @@
 """The camera of every frame, where it moves: one projection, however it is read."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from imocap_core.adapters.participants import mirrored_camera
 from imocap_core.adapters.relative_motion import paths_of, relative_motions
 from imocap_core.artifacts.schemas import Camera, VideoMotion
 from imocap_core.camera.projection import Lens, intrinsics, project
-from imocap_core.io.writers.export_npz import CameraFrames
 from imocap_core.result.video import VideoCamera
 
 FRAMES, SIZE = 6, (480, 270)
@@ -30,15 +28,11 @@ def camera(path_m: np.ndarray | None) -> VideoCamera:
 def test_its_frames_project_as_it_does():
     points = np.random.default_rng(1).normal(0, 0.5, (FRAMES, 7, 3))
     for moving in (camera(PATH), camera(None)):
-        frames = CameraFrames(moving.K_per_frame, moving.R_per_frame, moving.t_per_frame)
-        pixels = [
-            project(x, *of_frame)
-            for x, *of_frame in zip(points, frames.K, frames.R, frames.t, strict=True)
-        ]
+        frames = (moving.K_per_frame, moving.R_per_frame, moving.t_per_frame)
+        pixels = [project(x, *of_frame) for x, *of_frame in zip(points, *frames, strict=True)]
         np.testing.assert_allclose(moving.project(points), pixels, atol=1e-8)
         some = np.array([0, 4])
         np.testing.assert_allclose(moving.project(points[some], some), np.array(pixels)[some])
-        json.dumps({name: value.tolist() for name, value in frames.arrays().items()})
 
 
 def test_a_lens_is_drawn_and_belongs_to_its_focal_length():

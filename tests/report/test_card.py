@@ -8,8 +8,7 @@ import pytest
 from imocap_core.body import load_free_body
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.figures.sheets import sheet_videos
-from imocap_core.report.card import card_page, largest_differences
-from imocap_core.report.first_page import SureDifference
+from imocap_core.report.first_page import SureDifference, card_page, largest_differences
 from tests.report.browser import CHROMIUM, Browser
 from tests.report.made import Made
 

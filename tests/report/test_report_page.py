@@ -14,8 +14,7 @@ from imocap_core.figures.page_figures import over_time
 from imocap_core.figures.sheets import most_different_frames, picks_of
 from imocap_core.metrics.scoring import ScoreRow, over_videos
 from imocap_core.report.first_page import FirstPage, SureDifference
-from imocap_core.report.page import html_page
-from imocap_core.report.sections import sections
+from imocap_core.report.page import html_page, sections
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, read_contents, write_report
 from imocap_core.report.tables import long_table, metric_tables
 from tests.report.made import Made

@@ -10,8 +10,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.diagnostics.findings import Verdict
-from imocap_core.report.page import html_page
-from imocap_core.report.sections import sections
+from imocap_core.report.page import html_page, sections
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture
 from tests.report.browser import CHROMIUM, Browser
 from tests.report.test_report_page import FIRST, PAGES

@@ -5,7 +5,7 @@ import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.hands.hand_skeleton import hand_skeleton
-from imocap_core.io.readers.openpose import read_openpose, read_openpose_hands
+from imocap_core.io.readers.json_people import read_openpose, read_openpose_hands
 from imocap_core.pipeline import make_demo as demo
 from imocap_core.synthetic.taichi import (
     HAND_POSES,

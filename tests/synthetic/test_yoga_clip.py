@@ -10,7 +10,7 @@ import torch
 from imocap_core.body.model import rotations_from_pose
 from imocap_core.errors import WorkFailed
 from imocap_core.executors.tasks import Serial
-from imocap_core.io.readers.openpose import read_openpose
+from imocap_core.io.readers.json_people import read_openpose
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe
 from imocap_core.pipeline import make_demo as demo

@@ -1,13 +1,21 @@
-"""Shared by the readers of monocular 3D estimates: checked fields, and the performer's rows.
+"""Monocular 3D estimates: checked fields and the performer's rows, for every reader; 3D joints.
 
 Of a monocular estimate the joint rotations (or the joints) are used, in camera axes (x right,
 y down, z forward). Its translation is not: its depth depends on the focal length that each tool
 assumes, so the body is placed by the keypoints.
+
+Of 3D joints: joints_npz, and SAM 3D Body as its users saved it: a list with one entry per frame,
+each a list of people, one person, or {``frame``: number, ``people``: list of people}; a person is a
+dictionary with ``pred_keypoints_3d`` (70, 3) metres in camera axes, ``pred_keypoints_2d`` (70, 2)
+pixels, ``bbox`` x0, y0, x1, y1 in pixels, and more. Or an npz with ``pred_keypoints_3d`` (T, 70, 3)
+of one person and, optionally, ``frames`` (T,). The 70 points are MHR's; those that are joints of
+SMPL are used by the fits. MHR's parameters are of its own body and not used: the joints' distances
+tell the size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +26,8 @@ from jaxtyping import Bool, Float, Int
 
 from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
-from imocap_core.io.readers.people import LARGEST, listed, read_json, short, type_name
+from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
+from imocap_core.io.readers.people import LARGEST, frame_number, listed, read_json, short, type_name
 from imocap_core.rotations import exp
 
 REACH = 0.75  # of the larger side of the performer's box: further away it is somebody else
@@ -35,59 +44,58 @@ class PerformerBoxes:
     size: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Entries:
-    """All estimates of a file: the source frame and the track of each, and the middle of the person
-    in the picture, None when the file has no positions."""
-
-    frames: Int[np.ndarray, " N"]
-    track: Int[np.ndarray, " N"]
-    middle_px: Float[np.ndarray, "N 2"] | None
+Track = tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 2"] | None, Float[np.ndarray, "..."]]
 
 
-def performer_rows(
-    entries: Entries, performer: PerformerBoxes, path: Path
-) -> Int[np.ndarray, " T"]:
-    """Index of the performer's estimate at each used frame, -1 where there is none.
+def of_tracks(
+    tracks: Sequence[Track], performer: PerformerBoxes, path: Path
+) -> Float[np.ndarray, "T *rest"]:
+    """The performer's values at the used frames, NaN where missing.
 
     Of several people in a frame the one nearest to the performer's box is used; without positions
     in the file, the track that is in most of the used frames.
 
+    tracks: of each person the frames (N,), the middles in the picture (N, 2) or None, the values.
     ValueError when no used frame has an estimate.
     """
+    each_frames, middles, each_values = zip(*tracks, strict=True)
+    frames, values = np.concatenate(each_frames), np.concatenate(each_values)
+    track = np.repeat(np.arange(len(tracks)), [len(each) for each in each_frames])
     used = {int(frame): row for row, frame in enumerate(performer.frames)}
-    rows = np.full(len(performer.frames), -1, dtype=np.int64)
-    in_used = np.array([int(frame) in used for frame in entries.frames], dtype=bool)
-    alone = len(set(entries.frames[in_used].tolist())) == int(in_used.sum())
+    in_used = np.array([int(frame) in used for frame in frames], dtype=bool)
     keep = in_used
-    if not alone and entries.middle_px is None:
-        tracks, counts = np.unique(entries.track[in_used], return_counts=True)
-        keep = in_used & (entries.track == tracks[counts.argmax()])
-    if not alone and entries.middle_px is not None:
-        keep = in_used & _nearest(entries, performer, used)
+    if len(set(frames[in_used].tolist())) < int(in_used.sum()):
+        if any(m is None for m in middles):
+            numbers, counts = np.unique(track[in_used], return_counts=True)
+            keep = in_used & (track == numbers[counts.argmax()])
+        else:
+            keep = in_used & _nearest(frames, np.concatenate(middles), performer, used)
+    rows = np.full(len(performer.frames), -1, dtype=np.int64)
     for n in np.flatnonzero(keep):
-        rows[used[int(entries.frames[n])]] = n
+        rows[used[int(frames[n])]] = n
     if (rows < 0).all():
-        have = (
-            f"{entries.frames.min()} to {entries.frames.max()}" if len(entries.frames) else "none"
-        )
+        have = f"{frames.min()} to {frames.max()}" if len(frames) else "none"
         where = " at the performer's keypoints" if in_used.any() else ""
         first, last = performer.frames[0], performer.frames[-1]
         raise ValueError(
             f"{path}: expected an estimate in frames {first} to {last}{where}, got frames {have}; "
             "give the estimate of this video"
         )
-    return rows
+    selected = values[np.maximum(rows, 0)].astype(np.float64)
+    selected[rows < 0] = np.nan
+    return selected
 
 
 def _nearest(
-    entries: Entries, performer: PerformerBoxes, used: dict[int, int]
+    frames: Int[np.ndarray, " N"],
+    middle_px: Float[np.ndarray, "N 2"],
+    performer: PerformerBoxes,
+    used: dict[int, int],
 ) -> Bool[np.ndarray, " N"]:
-    """Which entries are the nearest to the performer's box in their frames."""
-    assert entries.middle_px is not None
-    places = np.where(np.abs(entries.middle_px) < LARGEST, entries.middle_px, np.nan)
+    """Which estimates are the nearest to the performer's box in their frames."""
+    places = np.where(np.abs(middle_px) < LARGEST, middle_px, np.nan)
     best: dict[int, tuple[float, int]] = {}
-    for n, frame in enumerate(entries.frames):
+    for n, frame in enumerate(frames):
         if int(frame) not in used:
             continue
         box = performer.box_px[used[int(frame)]]
@@ -95,18 +103,9 @@ def _nearest(
         reach = REACH * float(np.max(box[2:] - box[:2]))
         if away <= min(reach, best.get(int(frame), (np.inf, -1))[0]):  # NaN is never
             best[int(frame)] = (away, n)
-    keep = np.zeros(len(entries.frames), dtype=bool)
+    keep = np.zeros(len(frames), dtype=bool)
     keep[[n for _, n in best.values()]] = True
     return keep
-
-
-def select_rows(
-    values: Float[np.ndarray, "N *rest"], rows: Int[np.ndarray, " T"]
-) -> Float[np.ndarray, "T *rest"]:
-    """Values at some rows, NaN where the row is -1."""
-    selected = values[np.maximum(rows, 0)].astype(np.float64)
-    selected[rows < 0] = np.nan
-    return selected
 
 
 def field(
@@ -170,58 +169,6 @@ def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " 
     return values.astype(np.int64)
 
 
-@dataclass(frozen=True)
-class PersonInFrame:
-    """One person's values in one frame; middle_px: NaN where the file has no place in the
-    picture."""
-
-    frame: int
-    middle_px: Float[np.ndarray, "2"]
-    values: Float[np.ndarray, "..."]
-
-
-def frame_entries(content: Any, path: Path) -> list[Any]:
-    """The entries of a list with one for each frame. ValueError when it is none, or empty."""
-    entries = listed(content, path, "a list with one entry per frame")
-    if not entries:
-        raise ValueError(f"{path}: expected a list with one entry per frame, got an empty one")
-    return entries
-
-
-def read_saved(path: Path) -> Any:
-    """The content of a JSON, .npy, .pkl or .pt file."""
-    return read_json(path) if path.suffix == ".json" else read_results(path)
-
-
-def of_performer(
-    people: Sequence[PersonInFrame], performer: PerformerBoxes, path: Path
-) -> Float[np.ndarray, "T *rest"]:
-    """The performer's values at the used frames, NaN where missing. ValueError without anybody."""
-    if not people:
-        raise ValueError(f"{path}: expected at least one person, got none; run it again")
-    middle = np.array([person.middle_px for person in people])
-    places = middle if np.isfinite(middle).all() else None
-    frames = np.array([person.frame for person in people], dtype=np.int64)
-    return of_tracks([(frames, places, np.stack([p.values for p in people]))], performer, path)
-
-
-Track = tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 2"] | None, Float[np.ndarray, "..."]]
-
-
-def of_tracks(
-    tracks: Sequence[Track], performer: PerformerBoxes, path: Path
-) -> Float[np.ndarray, "T *rest"]:
-    """The performer's values at the used frames, NaN where missing.
-
-    tracks: of each person the frames (N,), the middles in the picture (N, 2) or None, the values.
-    """
-    frames, middles, values = zip(*tracks, strict=True)
-    track = np.repeat(np.arange(len(tracks)), [len(each) for each in frames])
-    places = None if any(m is None for m in middles) else np.concatenate(middles)
-    entries = Entries(np.concatenate(frames), track, places)
-    return select_rows(np.concatenate(values), performer_rows(entries, performer, path))
-
-
 MiddleOf = Callable[
     [dict[str, Any], int, str], Float[np.ndarray, "N 2"]
 ]  # person, number of frames, place in the file -> middle in pixels
@@ -250,3 +197,96 @@ def fields_of(content: Any, path: Path, what: str) -> dict[str, Any]:
         got = "an empty one" if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary {what}, got {got}")
     return {str(name): fields for name, fields in content.items()}
+
+
+@dataclass(frozen=True)
+class JointsEstimate:
+    """Joints in metres, camera axes, root-relative or not; NaN where missing."""
+
+    joints: Float[np.ndarray, "T J 3"]
+    joint_names: tuple[str, ...]
+
+
+def read_joints_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> JointsEstimate:
+    """The estimate at the used source frames.
+
+    The file has ``joints`` (N, J, 3), ``joint_names`` (J,) and, optionally, ``frames`` (N,);
+    see `rows_for_frames` for files without. ValueError names file, array, expected and got.
+    """
+    arrays = load_arrays(path)
+    joints = numbers(arrays, "joints", ("T", "J", 3), path)
+    joint_names = names(arrays, "joint_names", joints.shape[1], path)
+    rows = rows_for_frames(arrays, len(joints), used_frames, path)
+    return JointsEstimate(joints[rows], joint_names)
+
+
+POINTS_3D, POINTS_2D = "pred_keypoints_3d", "pred_keypoints_2d"
+
+
+def _hand(side: str) -> tuple[str, ...]:
+    """MHR's 20 points of a hand, tips first, under SMPL+H's names, and the wrist."""
+    fingers = ("thumb", "index", "middle", "ring", "pinky")
+    points = [f"{side}_{f}{n}" for f in fingers for n in ("_tip", 3, 2, 1)]
+    return (*points, f"{side}_wrist")
+
+
+# MHR's 70 keypoints in their order, named as in this project where it has them.
+NAMES: tuple[str, ...] = (
+    *("nose", "left_eye", "right_eye", "left_ear", "right_ear"),
+    *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hip", "right_hip"),
+    *("left_knee", "right_knee", "left_ankle", "right_ankle"),
+    *("left_big_toe", "left_small_toe", "left_heel"),
+    *("right_big_toe", "right_small_toe", "right_heel"),
+    *_hand("right"),
+    *_hand("left"),
+    *("left_olecranon", "right_olecranon", "left_cubital_fossa", "right_cubital_fossa"),
+    *("left_acromion", "right_acromion", "neck"),
+)
+
+
+def saved_people(path: Path) -> Iterator[tuple[int, list[tuple[dict[str, Any], str]]]]:
+    """Per frame its number, and its people with their places in the file.
+
+    ValueError names file, frame, expected and got.
+    """
+    content = read_json(path) if path.suffix == ".json" else read_results(path)
+    entries = listed(content, path, "a list with one entry per frame")
+    if not entries:
+        raise ValueError(f"{path}: expected a list with one entry per frame, got an empty one")
+    for n, entry in enumerate(entries):
+        where, frame, people = f"{path}: [{n}]", n, entry
+        if isinstance(entry, dict) and not {POINTS_3D, POINTS_2D} & set(entry):
+            frame = frame_number(entry.get("frame", n), f"{where}: frame")
+            people = entry.get("people")
+        elif isinstance(entry, dict):
+            people = [entry]
+        people = listed(people, where, f"a list of people with {POINTS_3D}")
+        if not all(isinstance(p, dict) for p in people):
+            raise ValueError(f"{where}: expected a list of people with {POINTS_3D}, got a list")
+        yield frame, [(person, f"{where}[{i}]") for i, person in enumerate(people)]
+
+
+def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    """The performer's 70 points at the used frames, metres, camera axes, NaN where missing.
+
+    ValueError names file, frame, field, expected and got.
+    """
+    if path.suffix == ".npz":
+        arrays = load_arrays(path)
+        table = numbers(arrays, POINTS_3D, ("T", len(NAMES), 3), path)
+        rows = rows_for_frames(arrays, len(table), performer.frames, path)
+        return JointsEstimate(table[rows], NAMES)
+    frames, middles, joints = [], [], []
+    for frame, people in saved_people(path):
+        for person, where in people:
+            box = np.full(4, np.nan)
+            if person.get("bbox") is not None:
+                box = field(person, "bbox", (4,), where)
+            frames.append(frame)
+            middles.append(0.5 * (box[:2] + box[2:]))
+            joints.append(field(person, POINTS_3D, (len(NAMES), 3), where))
+    if not frames:
+        raise ValueError(f"{path}: expected at least one person, got none; run it again")
+    places = np.array(middles) if np.isfinite(middles).all() else None
+    tracks = [(np.array(frames, dtype=np.int64), places, np.stack(joints))]
+    return JointsEstimate(of_tracks(tracks, performer, path), NAMES)

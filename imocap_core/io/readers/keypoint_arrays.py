@@ -31,8 +31,7 @@ from jaxtyping import Float, Shaped
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.array_files import read_object
 from imocap_core.io.npz import load_arrays, numbers
-from imocap_core.io.readers.estimates import field
-from imocap_core.io.readers.joint_estimators import NAMES, POINTS_2D, saved_people
+from imocap_core.io.readers.estimates import NAMES, POINTS_2D, field, saved_people
 from imocap_core.io.readers.mediapipe import points_of_csv
 from imocap_core.io.readers.people import (
     LAYOUT_OF_COUNT,
@@ -203,7 +202,6 @@ def _table(value: Any, where: str) -> Float[np.ndarray, "T 17 2"]:
 
 
 LAYOUT = "wholebody133"
-LOOKED_AT = 60  # entries
 _ROOTS = {"left_hand_root": "left_wrist", "right_hand_root": "right_wrist"}
 
 
@@ -215,15 +213,6 @@ def read_sam3d_keypoints(path: Path, layout: str) -> DetectedPeople:
         points = [field(person, POINTS_2D, (len(NAMES), 2), where) for person, where in people]
         frames.setdefault(frame, []).extend(map(whole_body, points))
     return detections(frames, layout, path)
-
-
-def is_sam3d(content: Any) -> bool:
-    """Whether the beginning of a file's content has people of this kind."""
-    for entry in content[:LOOKED_AT] if isinstance(content, list) else []:
-        people = entry.get("people", [entry]) if isinstance(entry, dict) else entry
-        if isinstance(people, list) and any(isinstance(p, dict) and POINTS_2D in p for p in people):
-            return True
-    return False
 
 
 def whole_body(points_px: Float[np.ndarray, "70 2"]) -> Float[np.ndarray, "133 3"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +13,30 @@ from jaxtyping import Float
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.array_files import read_object
 from imocap_core.io.npz import array_names, load_arrays
-from imocap_core.io.readers.coco import (
-    PERSON_FIELDS,
+from imocap_core.io.readers.estimates import POINTS_2D
+from imocap_core.io.readers.json_people import (
+    COCO,
+    EASYMOCAP,
+    LISTS,
+    MMPOSE,
+    OPENPOSE,
+    PICTURES,
+    ULTRALYTICS,
     is_person,
+    list_in,
+    people_in,
     people_of,
     points_in,
     read_alphapose,
     read_coco,
     read_mmpose,
+    read_people,
     read_ultralytics,
     rows_of,
 )
 from imocap_core.io.readers.keypoint_arrays import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.readers.keypoint_arrays import (
     WITH_HANDS,
-    is_sam3d,
     people_last,
     read_cpn_npz,
     read_keypoints_npz,
@@ -40,7 +50,6 @@ from imocap_core.io.readers.mediapipe import (
     points_of_csv,
     read_mediapipe,
 )
-from imocap_core.io.readers.openpose import numbers_of, people_in, read_easymocap, read_openpose
 from imocap_core.io.readers.people import (
     JSON_LINES,
     LAYOUT_OF_COUNT,
@@ -52,7 +61,17 @@ from imocap_core.io.readers.people import (
     read_json,
 )
 
-PEOPLE_LOOKED_AT = 60
+LOOKED_AT = 60  # entries of a list, or files of a folder
+FORMS = {  # by whose entries the layout is told
+    "openpose": OPENPOSE,
+    "easymocap": EASYMOCAP,
+    "alphapose": COCO,
+    "pictures": PICTURES,
+    "coco": COCO,
+    "mmpose": MMPOSE,
+    "ultralytics": ULTRALYTICS,
+}
+_LAYOUTS = {"mediapipe": "mediapipe33", "sam3d_body": SAM3D_LAYOUT}  # that the format tells
 _LAYOUT_NAMES = {"coco": "coco17", "h36m": "h36m17"}  # in VideoPose3D's metadata
 
 Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
@@ -80,45 +99,58 @@ def _guess_json(path: Path) -> Guess:
         raise ValueError(
             f"{path}: is one frame of OpenPose's output; name the folder with all frames"
         )
-    if isinstance(content, dict) and "instance_info" in content:
-        return "mmpose", None, list(_mmpose(content["instance_info"]))
-    if isinstance(content, dict) and (people := _by_picture(content)):
-        return "alphapose", None, people
-    listed = content
-    if isinstance(content, dict):
-        listed = content.get("frames", content.get("annotations"))
-    first = next((e for e in listed if isinstance(e, dict)), {}) if isinstance(listed, list) else {}
-    if isinstance(listed, list) and (kind := _of_lists(listed)):
-        return kind
-    if is_sam3d(listed):
-        return "sam3d_body", SAM3D_LAYOUT, []
-    if people_in(first) is not None:
-        of_frames = [entry for entry in listed if people_in(entry) is not None]
-        return "openpose", None, list(_people(of_frames[:PEOPLE_LOOKED_AT]))
-    if "image_id" in first:
-        alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
-        layout = "wholebody133" if "foot_kpts" in first else None
-        people = list(_listed(listed[:PEOPLE_LOOKED_AT], "keypoints"))
-        return "alphapose" if alphapose else "coco", layout, people
-    if "instances" in first:
-        return "mmpose", None, list(_mmpose(listed))
-    if any(name in first for name in (*PICTURE, *WORLD)):
-        return "mediapipe", "mediapipe33", []
-    return None, None, []
+    entries = list_in(content)
+    by_picture = isinstance(entries, dict) and not set(LISTS) & set(entries)
+    entries = list(entries.values()) if by_picture else entries
+    entries = entries[:LOOKED_AT] if isinstance(entries, list) else []
+    places = [f"{path}: [{n}]" for n in range(len(entries))]
+    kind = next((kind for entry in entries if (kind := kind_of(entry))), None)
+    if by_picture:
+        kind = "pictures" if kind in ("openpose", "pictures") else None
+    return _guess_entries(kind, entries, places)
 
 
-def guess_frames(path: Path, contents: Sequence[Any]) -> Guess:
-    """The same of some of the JSON files of a folder, one a frame."""
-    if all(isinstance(c, dict) and isinstance(c.get("annots"), list) for c in contents):
-        people = [q for c in contents for q in _listed(c["annots"], "keypoints")]
-        return "easymocap", None, people
-    if all(isinstance(c, dict) and isinstance(c.get("bodies"), list) for c in contents):
-        return "alphapose", None, [q for c in contents for q in _listed(c["bodies"], "joints")]
-    if all(isinstance(c, list) for c in contents) and (kind := _of_lists(contents)):
-        if kind[0] == "mmpose":
-            return kind
-        raise ValueError(f"{path}: put the frames' lists into one JSON list, in their order")
-    return None, None, []
+def kind_of(entry: Any) -> str | None:
+    """The format (of `FORMS`, or mediapipe, or sam3d_body) that a frame, or a person, is of."""
+    fields: dict[str, Any] = entry if isinstance(entry, dict) else {}
+    people = people_of(entry)
+    people = people if isinstance(people, list) else []
+    persons = [p for p in (fields, *people, *(people_in(entry) or ())) if isinstance(p, dict)]
+    of_result = "image_id" in fields
+    boxed = bool({"box", "idx"} & set(fields)) or isinstance(fields.get("image_id"), str)
+    kinds = {
+        "mediapipe": is_landmarks(people) or any(map(is_landmarks, people)),
+        "ultralytics": any(map(is_person, people)),
+        "mmpose": "instances" in fields or any("keypoint_scores" in p for p in persons),
+        "sam3d_body": any(POINTS_2D in p for p in persons),
+        "openpose": people_in(entry) is not None,
+        "easymocap": isinstance(fields.get("annots"), list),
+        "pictures": isinstance(fields.get("bodies"), list),
+        "alphapose": of_result and boxed,
+        "coco": of_result,
+    }
+    named = bool({*PICTURE, *WORLD} & set(fields))
+    return next((k for k, fits in kinds.items() if fits), "mediapipe" if named else None)
+
+
+def _guess_entries(kind: str | None, entries: Sequence[Any], places: Sequence[str]) -> Guess:
+    """With the people of some entries. ValueError when none of these is as it should be."""
+    if kind is None or kind in _LAYOUTS:
+        return kind, _LAYOUTS.get(kind or ""), []
+    people: list[Person] = []
+    faults: list[ValueError] = []
+    for number, (entry, where) in enumerate(zip(entries, places, strict=True)):
+        try:
+            _, of_entry = FORMS[kind].people(entry, number, where)
+        except ValueError as fault:
+            faults.append(fault)
+            continue
+        people += [person for values, _ in of_entry for person in _detected(values)]
+    if faults and not people:
+        raise faults[0]
+    whole_body = any(isinstance(entry, dict) and "foot_kpts" in entry for entry in entries)
+    layout = "wholebody133" if whole_body else None
+    return "alphapose" if kind == "pictures" else kind, layout, people
 
 
 def guess_labels(files: Sequence[Path]) -> Guess:
@@ -129,47 +161,6 @@ def guess_labels(files: Sequence[Path]) -> Guess:
             if person is not None:
                 return "ultralytics", None, [person]
     return None, None, []
-
-
-def _of_lists(frames: Sequence[Any]) -> Guess | None:
-    """Of frames that are lists of people: MMPose's or Ultralytics' results as they are."""
-    entries = [people_of(entry) for entry in frames[:PEOPLE_LOOKED_AT]]
-    one_each = [[entry, *entry] if isinstance(entry, list) else [entry] for entry in entries]
-    if any(is_landmarks(person) for people in one_each for person in people):
-        return "mediapipe", "mediapipe33", []
-    people = [person for entry in entries if isinstance(entry, list) for person in entry]
-    if any(is_person(person) for person in people):
-        tables = [p["keypoints"] for p in people if is_person(p)]
-        lengths = {len(t["x"]) for t in tables if isinstance(t["x"], list)}
-        return "ultralytics", None, [np.ones((n, 3)) for n in lengths]
-    if any(isinstance(p, dict) and "keypoint_scores" in p for p in people):
-        return "mmpose", None, list(_mmpose([{"instances": people}]))
-    return None
-
-
-def _by_picture(content: dict[str, Any]) -> list[Person]:
-    """People of AlphaPose's forms by picture name; none where it is another file."""
-    of_frames = [c for c in list(content.values())[:PEOPLE_LOOKED_AT] if isinstance(c, dict)]
-    return [
-        person
-        for frame in of_frames
-        for name, field in PERSON_FIELDS.items()
-        for person in _listed(frame.get(name), field)
-    ]
-
-
-def _listed(people: Any, field: str) -> Iterator[Person]:
-    for person in people if isinstance(people, list) else []:
-        yield from _detected(person.get(field) if isinstance(person, dict) else None)
-
-
-def _mmpose(entries: Any) -> Iterator[Person]:
-    for entry in entries[:PEOPLE_LOOKED_AT] if isinstance(entries, list) else []:
-        people = entry.get("instances") if isinstance(entry, dict) else None
-        for person in people if isinstance(people, list) else []:
-            xy = person.get("keypoints") if isinstance(person, dict) else None
-            if isinstance(xy, list) and all(isinstance(p, list) and len(p) >= 2 for p in xy):
-                yield from _detected([[*p[:2], 1.0] for p in xy])
 
 
 def _detected(values: Any) -> Iterator[Person]:
@@ -210,12 +201,11 @@ def _guess_npy(path: Path) -> Guess:
 def _guess_csv(path: Path) -> Guess:
     heading = read_csv(path)[0]
     if (points := points_of_csv(path)) is not None:
-        return "npz", points[1], list(points[0]["keypoints"][:PEOPLE_LOOKED_AT])
+        return "npz", points[1], list(points[0]["keypoints"][:LOOKED_AT])
     of_mediapipe = landmark_columns(heading) is not None
     return ("mediapipe", "mediapipe33", []) if of_mediapipe else (None, None, [])
 
 
-FILES_LOOKED_AT = 60
 TELL = "say which with `format` and `layout` in action.yaml (imocap sync: --format and --layout)"
 UNKNOWN = (
     f"the format is unknown: `imocap formats` lists those that are read; {TELL}, or save the "
@@ -273,24 +263,26 @@ def _guess_folder(path: Path) -> Guess:
     files = frame_files(path)
     labels = frame_files(path, ".txt")
     if not files and labels:
-        return guess_labels(labels[:: max(1, len(labels) // FILES_LOOKED_AT)])
+        return guess_labels(labels[:: max(1, len(labels) // LOOKED_AT)])
     if not files:
         inside = sorted(f.name for f in path.iterdir() if f.is_dir() and frame_files(f))
         raise ValueError(
             f"{path}: expected a folder with one JSON file per frame, as OpenPose writes it, found "
             + (f"folders of them; name one: {', '.join(inside[:6])}" if inside else "no .json file")
         )
-    step = max(1, len(files) // FILES_LOOKED_AT)
+    step = max(1, len(files) // LOOKED_AT)
     contents = [read_json(file) for file in files[::step]]
-    if all(people_in(content) is not None for content in contents):
-        return "openpose", None, list(_people(contents))
-    guess = guess_frames(path, contents)
-    if guess[0] is None:
+    nobody = [isinstance(c, list) and kind_of(c) is None for c in contents]
+    kinds = {kind_of(c) for c, empty in zip(contents, nobody, strict=True) if not empty}
+    kind = kinds.pop() if len(kinds) == 1 else None
+    if kind in ("ultralytics", "mediapipe", "sam3d_body"):
+        raise ValueError(f"{path}: put the frames' lists into one JSON list, in their order")
+    if kind is None:
         raise ValueError(
             f"{path}: expected OpenPose's JSON (a list `people` in every file), got something "
             f"else; {TELL}"
         )
-    return guess
+    return _guess_entries(kind, contents, [str(file) for file in files[::step]])
 
 
 def layout_of(path: Path, people: Sequence[Person]) -> str:
@@ -301,7 +293,7 @@ def layout_of(path: Path, people: Sequence[Person]) -> str:
     counts = sorted({len(person) for person in people})
     if not counts:
         raise ValueError(
-            f"{path}: nobody was detected in the {FILES_LOOKED_AT} frames read, so the layout is "
+            f"{path}: nobody was detected in the {LOOKED_AT} frames read, so the layout is "
             f"unknown; {TELL}"
         )
     if len(counts) > 1 or counts[0] not in COUNTS:
@@ -339,19 +331,12 @@ def _misfit(layout: str, people: Float[np.ndarray, "P K 3"]) -> float:
     return float(np.median(distances)) if len(distances) else float("inf")
 
 
-def _people(contents: Sequence[Any]) -> Iterator[Person]:
-    """Each person of some OpenPose files who has a detected point."""
-    for content in contents:
-        for person in people_in(content) or []:
-            yield from _detected(numbers_of(person))
-
-
 READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
-    "openpose": read_openpose,
+    "openpose": partial(read_people, OPENPOSE),
     "alphapose": read_alphapose,
     "mmpose": read_mmpose,
     "coco": read_coco,
-    "easymocap": read_easymocap,
+    "easymocap": partial(read_people, EASYMOCAP),
     "ultralytics": read_ultralytics,
     "npz": read_keypoints_npz,
     "sam3d_body": read_sam3d_keypoints,

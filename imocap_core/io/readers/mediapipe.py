@@ -32,8 +32,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.npz import array_names, load_arrays, numbers
-from imocap_core.io.readers.estimates import Entries, PerformerBoxes, performer_rows, select_rows
-from imocap_core.io.readers.joint_estimators import JointsEstimate
+from imocap_core.io.readers.estimates import JointsEstimate, PerformerBoxes, Track, of_tracks
 from imocap_core.io.readers.people import (
     LARGEST,
     LAYOUT_OF_COUNT,
@@ -91,20 +90,18 @@ def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimat
     ValueError names file, field, expected and got, or says that no used frame has a person.
     """
     people = dict(_frames(path, WORLD))
-    persons = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
-    if not persons:
+    most = max(map(len, people.values()), default=0)
+    if most == 0:
         raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
-    places = None
-    if any(len(in_frame) > 1 for in_frame in people.values()):
-        pixels = _in_pixels(path, performer.size)
-        if all(len(pixels.get(frame, ())) == len(ps) for frame, ps in people.items()):
-            places = np.array(
-                [np.nanmean(pixels[frame][n][:, :2], axis=0) for frame, n, _ in persons]
-            )
-    frames, track = (np.array([entry[i] for entry in persons]) for i in (0, 1))
-    rows = performer_rows(Entries(frames, track, places), performer, path)
-    joints = select_rows(np.stack([person[:, :3] for _, _, person in persons]), rows)
-    return JointsEstimate(joints, layout_names(LAYOUT))
+    pixels = _in_pixels(path, performer.size) if most > 1 else {}
+    placed = all(len(pixels.get(frame, ())) == len(ps) for frame, ps in people.items())
+    tracks: list[Track] = []
+    for n in range(most):
+        of = [frame for frame, in_frame in people.items() if len(in_frame) > n]
+        places = [np.nanmean(pixels[frame][n][:, :2], axis=0) for frame in of if placed]
+        joints = np.stack([people[frame][n][:, :3] for frame in of])
+        tracks.append((np.array(of), np.array(places) if placed else None, joints))
+    return JointsEstimate(of_tracks(tracks, performer, path), layout_names(LAYOUT))
 
 
 def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Landmarks]]:
@@ -250,7 +247,6 @@ def points_of_csv(path: Path) -> tuple[dict[str, Float[np.ndarray, "..."]], str 
     As many numbered points as the layout has, or points with the names of its parts.
     """
     heading, *rows = read_csv(path)
-    heading = [cell.strip().lower() for cell in heading]
     cells = _cells(heading)
     layout, places = _other_layout(cells)
     if not places:
@@ -259,15 +255,27 @@ def points_of_csv(path: Path) -> tuple[dict[str, Float[np.ndarray, "..."]], str 
     table = np.full((len(rows), count, 3), np.nan)
     table[..., 2] = 1.0
     frames = np.arange(len(rows))
-    number = next((heading.index(name) for name in FRAME if name in heading), None)
-    for n, row in enumerate(rows):
-        where = f"{path}: row {n + 2}"
-        must_be_whole(row, len(heading), where)
-        frames[n] = n if number is None else frame_number(cell_number(row[number], where), where)
+    for n, (frame, row, where) in enumerate(_numbered_rows(path)):
+        frames[n] = frame
         for name, axis, column in cells:
             if axis != AXES["z"] and name in places:
                 table[n, places[name], min(axis, 2)] = cell_number(row[column], where)
     return {"keypoints": table, "frames": frames}, layout
+
+
+def _numbered_rows(path: Path) -> Iterator[tuple[int, list[str], str]]:
+    """(frame number, cells, place) of the rows of a CSV with a heading and a row a frame."""
+    heading, *rows = read_csv(path)
+    names = [cell.strip().lower() for cell in heading]
+    column = next((names.index(name) for name in FRAME if name in names), None)
+    for n, row in enumerate(rows):
+        where = f"{path}: row {n + 2}"
+        must_be_whole(row, len(heading), where)
+        yield (
+            n if column is None else frame_number(cell_number(row[column], where), where),
+            row,
+            where,
+        )
 
 
 def _other_layout(cells: Sequence[tuple[str, int, int]]) -> tuple[str | None, dict[str, int]]:
@@ -286,21 +294,17 @@ def _other_layout(cells: Sequence[tuple[str, int, int]]) -> tuple[str | None, di
 
 def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
     """Frame -> x, y, z, visibility. ValueError names file, row, expected and got."""
-    rows = read_csv(path)
-    heading = [cell.strip().lower() for cell in rows[0]]
+    heading = read_csv(path)[0]
     columns = landmark_columns(heading)
     if columns is None:
+        cells = [cell.strip().lower() for cell in heading]
         raise ValueError(
             f"{path}: expected columns x, y and visibility of MediaPipe's {POINTS} landmarks, got "
-            f"{', '.join(heading):.80}"
+            f"{', '.join(cells):.80}"
         )
-    frame = next((heading.index(name) for name in FRAME if name in heading), None)
     frames = {}
-    for n, row in enumerate(rows[1:]):
-        where = f"{path}: row {n + 2}"
-        must_be_whole(row, len(heading), where)
-        number = n if frame is None else frame_number(cell_number(row[frame], where), where)
-        frames[number] = _empty()
+    for number, row, where in _numbered_rows(path):
+        frames[number] = np.full((POINTS, 4), (np.nan, np.nan, 0.0, 1.0))
         for (landmark, axis), column in columns.items():
             frames[number][landmark, axis] = cell_number(row[column], where)
     return frames
@@ -317,12 +321,6 @@ def _landmarks(names: Sequence[str]) -> Mapping[str, int]:
         return {name: n - first for name, n in numbers.items() if 0 <= n - first < POINTS}
     places = {plain_name(name): k for k, name in enumerate(layout_names("mediapipe33"))}
     return {name: places[plain_name(name)] for name in names if plain_name(name) in places}
-
-
-def _empty() -> Float[np.ndarray, "33 4"]:
-    table = np.full((len(layout_names("mediapipe33")), 4), np.nan)
-    table[:, 2:] = 0.0, 1.0
-    return table
 
 
 FIELDS = ("left_hand_landmarks", "right_hand_landmarks")

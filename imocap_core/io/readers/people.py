@@ -7,7 +7,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,12 +54,6 @@ def numbered_files(folder: Path, suffix: str = ".json", what: str = "OpenPose") 
             f"`keypoints` in action.yaml"
         )
     return dict(sorted(files.items()))
-
-
-def numbered_contents(folder: Path, what: str) -> Iterator[tuple[int, Any, str]]:
-    """(frame number, content, file) of a folder of JSON files."""
-    for number, file in numbered_files(folder, what=what).items():
-        yield number, read_json(file), str(file)
 
 
 # Layout by number of points, in formats with one list of points per person.
@@ -213,22 +207,14 @@ def frame_number(value: Any, where: str) -> int:
     return number
 
 
-def flat_points(values: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
-    """Points of a list x, y, confidence, x, y, confidence, ... in the layout's order.
-
-    ValueError when the numbers do not fit the layout.
-    """
-    numbers = _numbers(listed(values, where, "a list of numbers"), where)
-    return points(numbers.reshape(-1, 1), layout, where, flat=True)
-
-
 def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Float[np.ndarray, "K 3"]:
-    """Points of a table (K, 3), cleaned (see `cleaned`); flat: the table is one column.
+    """Points of a table (K, 3), or flat of a list x, y, confidence, x, y, confidence, ..., in the
+    layout's order, cleaned (see `cleaned`).
 
     ValueError when the numbers do not fit the layout.
     """
     count = len(layout_names(layout))
-    table = _numbers(values, where)
+    table = _numbers(listed(values, where, "a list of numbers") if flat else values, where)
     if flat and table.size == 3 * count:
         table = table.reshape(count, 3)
     if table.shape != (count, 3):
@@ -265,10 +251,15 @@ def _numbers(values: Any, where: str) -> Float[np.ndarray, "..."]:
 
 
 def detections(
-    people: Mapping[int, Sequence[Float[np.ndarray, "K 3"]]], layout: str, path: Path
+    people: Mapping[int, Sequence[Float[np.ndarray, "K 3"]]],
+    layout: str,
+    path: Path,
+    *,
+    maybe_nobody: bool = False,
 ) -> DetectedPeople:
-    """Detections of frame number -> people. ValueError when no frame has a person."""
-    if not any(len(in_frame) for in_frame in people.values()):
+    """Detections of frame number -> people. ValueError when no frame has a person; or, where maybe
+    nobody is there, without any frame."""
+    if not (people if maybe_nobody else any(map(len, people.values()))):
         raise ValueError(f"{path}: expected at least one person, got none; check the detector")
     nobody = np.zeros((0, len(layout_names(layout)), 3))
     numbers = sorted(people)

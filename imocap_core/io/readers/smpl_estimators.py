@@ -22,8 +22,8 @@ tracks, a file for that person alone.
 PromptHMR: ``people``: {track: {``frames`` (N,), ``bboxes`` (N, 4 or more) x0, y0, x1, y1 in pixels,
 ``smplx_cam``: {``pose`` (N, 165) axis-angle of SMPL-X's 55 joints}}}. The first 22 are SMPL's.
 
-4D-Humans (HMR2) with PHALP: {picture's path: {``time`` the frame's number from 0, ``tid`` the
-people's tracks, ``smpl`` for each {``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3)}, ``bbox``
+4D-Humans (HMR2) with PHALP: {picture's path: {``time`` the frame's number from 0,
+``smpl`` for each {``global_orient`` (1, 3, 3), ``body_pose`` (23, 3, 3)}, ``bbox``
 x, y, width, height in pixels, ``tracked_time`` frames since the person was last detected}}. People
 who were not detected in a frame (``tracked_time`` above 0) are ignored there.
 """
@@ -43,7 +43,7 @@ from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
 from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
 from imocap_core.io.readers.estimates import (
-    Entries,
+    JointsEstimate,
     PerformerBoxes,
     Track,
     checked_rotations,
@@ -53,10 +53,9 @@ from imocap_core.io.readers.estimates import (
     from_vectors,
     of_tracks,
     performer_of,
-    performer_rows,
-    select_rows,
+    read_joints_npz,
+    read_sam3d_body,
 )
-from imocap_core.io.readers.joint_estimators import JointsEstimate, read_joints_npz, read_sam3d_body
 from imocap_core.io.readers.mediapipe import read_mediapipe_world
 from imocap_core.io.readers.people import frame_number, listed, type_name
 
@@ -177,33 +176,29 @@ def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24
     ValueError names file, frame, field, expected and got.
     """
     content = fields_of(read_results(path), path, "with one entry per frame")
-    frames, track, middle, poses = [], [], [], []
+    frames, middle, poses = [], [], []
     for n, name in enumerate(sorted(content)):
         where, entry = f"{path}: {name}", content[name]
         fields: dict[str, Any] = {"tracked_time": []} | entry if isinstance(entry, dict) else {}
-        people, boxes, ids, since = (
+        people, boxes, since = (
             listed(fields.get(key), f"{where}: {key}", "a list of people")
-            for key in ("smpl", "bbox", "tid", "tracked_time")
+            for key in ("smpl", "bbox", "tracked_time")
         )
-        if not len(people) == len(boxes) == len(ids):
-            raise ValueError(
-                f"{where}: expected as many smpl, bbox and tid, got {len(people)}, {len(boxes)} "
-                f"and {len(ids)}"
-            )
+        if len(people) != len(boxes):
+            got = f"{len(people)} and {len(boxes)}"
+            raise ValueError(f"{where}: expected as many smpl and bbox, got {got}")
         frame = frame_number(_number(entry.get("time", n)), f"{where}: time")
         for i, person in enumerate(people):
             if i < len(since) and since[i] != 0:
                 continue
             box = field({"bbox": boxes[i]}, "bbox", (4,), f"{where}: person {i}")
             frames.append(frame)
-            track.append(frame_number(_number(ids[i]), f"{where}: tid"))
             middle.append(box[:2] + 0.5 * box[2:])
             poses.append(_rotations(person, f"{where}: person {i}"))
     if not poses:
         raise ValueError(f"{path}: expected at least one person, got none; track the video again")
-    entries = Entries(np.array(frames), np.array(track), np.array(middle))
-    rows = performer_rows(entries, performer, path)
-    return select_rows(checked_rotations(np.stack(poses), f"{path}: smpl"), rows)
+    rotations = checked_rotations(np.stack(poses), f"{path}: smpl")
+    return of_tracks([(np.array(frames), np.array(middle), rotations)], performer, path)
 
 
 def _rotations(person: Any, where: str) -> Float[np.ndarray, "24 3 3"]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -133,13 +132,9 @@ class C3dTrial:
         return len(next(iter(self.markers_mm.values())))
 
 
-def write_c3d(file: Path, trial: C3dTrial) -> None:
-    """Write one trial; ValueError where its labels need more than C3D's parameters hold."""
-    file.write_bytes(c3d_bytes(trial))
-
-
 def c3d_bytes(trial: C3dTrial) -> bytes:
-    """The content of the file: header, parameters, points."""
+    """The content of a trial's file: header, parameters, points. ValueError where its labels need
+    more than C3D's parameters hold."""
     blocks = len(parameter_section(_groups(trial, 2))) // BLOCK
     data_start = 2 + blocks
     return _header(trial, data_start) + parameter_section(_groups(trial, data_start)) + _data(trial)

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
@@ -109,32 +110,16 @@ DECIMALS = 3  # 0.001 mm
 
 
 def write_trc(file: Path, clip: MotionClip) -> None:
-    """Write one motion clip; its first line contains the file name, as the format requires."""
-    write_text(file, trc_text(clip, file.name))
+    """Write a clip's joints as markers; the first source frame is the nearest whole one."""
+    joints = {joint: 1000 * clip.joints[:, j] for j, joint in enumerate(clip.joint_names)}
+    write_markers(file, joints, clip.fps, round(float(clip.frames[0])))
 
 
 def write_markers(
     file: Path, markers_mm: Mapping[str, Float[np.ndarray, "T 3"]], fps: float, start: int
 ) -> None:
-    """Write markers over time (`markers_text`)."""
-    write_text(file, markers_text(markers_mm, file.name, fps, start))
-
-
-def write_text(file: Path, text: str) -> None:
-    """Write text, lines ending alike on every system."""
-    file.write_text(text, encoding="utf-8", newline="\n")
-
-
-def trc_text(clip: MotionClip, name: str) -> str:
-    """The content of the file of a clip's joints."""
-    joints = {joint: 1000 * clip.joints[:, j] for j, joint in enumerate(clip.joint_names)}
-    return markers_text(joints, name, clip.fps, round(float(clip.frames[0])))
-
-
-def markers_text(
-    markers_mm: Mapping[str, Float[np.ndarray, "T 3"]], name: str, fps: float, start: int
-) -> str:
-    """The content of a file of markers over time, by their names.
+    """Write markers over time, by their names; the file's first line contains its name, as the
+    format requires.
 
     Frames count from 1; OrigDataStartFrame is the first source frame, `start`.
     """
@@ -145,7 +130,7 @@ def markers_text(
     values = [rate, rate, count, markers, "mm", rate, start, count]
     axes = [f"{axis}{k + 1}" for k in range(markers) for axis in "XYZ"]
     lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{name}",
+        f"PathFileType\t4\t(X/Y/Z)\t{file.name}",
         "\t".join([*head.split(), "OrigNumFrames"]),
         "\t".join(map(str, values)),
         "\t".join(["Frame#", "Time", *("\t\t".join([marker, ""]) for marker in markers_mm)]),
@@ -155,7 +140,7 @@ def markers_text(
     for t, row in enumerate(points):
         numbers = (f"{x:.{DECIMALS}f}" for x in row.ravel())
         lines.append("\t".join([str(t + 1), f"{t / fps:.6f}", *numbers]))
-    return "\n".join(lines) + "\n"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 @dataclass(frozen=True)
@@ -183,19 +168,30 @@ class CameraCalibration:
 
 
 def write_calibration(out: Path, cameras: Sequence[CameraCalibration]) -> list[Path]:
-    """The three files in the folder `out`."""
-    texts = {
-        "Calib.toml": calib_toml(cameras),
-        "intri.yml": intri_yml(cameras),
-        "extri.yml": extri_yml(cameras),
-    }
-    for name, text in texts.items():
-        write_text(out / name, text)
-    return [out / name for name in texts]
+    """Pose2Sim's Calib.toml; EasyMocap's files by OpenCV's FileStorage: intri.yml with `K_<id>`
+    and `dist_<id>`, extri.yml with `R_<id>` (rotation vector), `Rot_<id>` and `T_<id>`."""
+    toml, intri, extri = (out / name for name in ("Calib.toml", "intri.yml", "extri.yml"))
+    toml.write_text(_calib_toml(cameras), encoding="utf-8", newline="\n")
+    optics, places = {}, {}
+    for camera in cameras:
+        optics[f"K_{camera.id}"] = camera.K
+        optics[f"dist_{camera.id}"] = np.array([[*camera.distortions, 0.0][:5]])
+        places[f"R_{camera.id}"] = Rotation.from_matrix(camera.R).as_rotvec()[:, None]
+        places[f"Rot_{camera.id}"] = camera.R
+        places[f"T_{camera.id}"] = camera.t[:, None]
+    for file, matrices in ((intri, optics), (extri, places)):
+        storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_WRITE)
+        storage.startWriteStruct("names", cv2.FileNode_SEQ)
+        for camera in cameras:
+            storage.write("", camera.id)
+        storage.endWriteStruct()
+        for name, matrix in matrices.items():
+            storage.write(name, matrix)
+        storage.release()
+    return [toml, intri, extri]
 
 
-def calib_toml(cameras: Sequence[CameraCalibration]) -> str:
-    """Pose2Sim's calibration file."""
+def _calib_toml(cameras: Sequence[CameraCalibration]) -> str:
     tables = []
     for camera in cameras:
         rotation = Rotation.from_matrix(camera.R).as_rotvec()
@@ -212,37 +208,3 @@ def calib_toml(cameras: Sequence[CameraCalibration]) -> str:
         tables.append("\n".join([f"[{json.dumps(camera.id)}]", *rows]))
     tables.append("[metadata]\nadjusted = false\nerror = 0.0")
     return "\n\n".join(tables) + "\n"
-
-
-def intri_yml(cameras: Sequence[CameraCalibration]) -> str:
-    """OpenCV's FileStorage of `K_<id>` and `dist_<id>`."""
-    matrices = {}
-    for camera in cameras:
-        matrices[f"K_{camera.id}"] = camera.K
-        matrices[f"dist_{camera.id}"] = np.array([[*camera.distortions, 0.0][:5]])
-    return _file_storage([camera.id for camera in cameras], matrices)
-
-
-def extri_yml(cameras: Sequence[CameraCalibration]) -> str:
-    """OpenCV's FileStorage of `R_<id>` (rotation vector), `Rot_<id>` and `T_<id>`."""
-    matrices = {}
-    for camera in cameras:
-        matrices[f"R_{camera.id}"] = Rotation.from_matrix(camera.R).as_rotvec()[:, None]
-        matrices[f"Rot_{camera.id}"] = camera.R
-        matrices[f"T_{camera.id}"] = camera.t[:, None]
-    return _file_storage([camera.id for camera in cameras], matrices)
-
-
-def _file_storage(names: Sequence[str], matrices: dict[str, Float[np.ndarray, "_ _"]]) -> str:
-    lines = ["%YAML:1.0", "---", "names:", *(f'   - "{name}"' for name in names)]
-    for key, matrix in matrices.items():
-        rows, columns = matrix.shape
-        data = ", ".join(f"{value:.17g}" if value else "0." for value in matrix.ravel())
-        lines += [
-            f"{key}: !!opencv-matrix",
-            f"   rows: {rows}",
-            f"   cols: {columns}",
-            "   dt: d",
-            f"   data: [ {data} ]",
-        ]
-    return "\n".join(lines) + "\n"
