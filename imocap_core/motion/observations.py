@@ -79,7 +79,7 @@ class Observation:
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
     joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
-    swapped, seen = observation.swapped, observation.feet_seen
+    swapped, feet = observation.swapped, observation.feet_seen
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
@@ -89,7 +89,7 @@ def every(observation: Observation, stride: int) -> Observation:
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
         swapped=None if swapped is None else swapped[::stride],
-        feet_seen=None if seen is None else seen[::stride],
+        feet_seen=None if feet is None else feet[::stride],
     )
 
 

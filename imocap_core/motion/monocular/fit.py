@@ -72,8 +72,8 @@ def balance_terms(
         [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.feet_shown)]
         for x, o in zip(joints, observations, strict=True)
     ]
-    seen = [None if o.feet_seen is None else o.feet_seen.astype(float) for o in observations]
-    return [balance_term(body, state, filmed, weights, seen)]
+    shares = [None if o.feet_seen is None else o.feet_seen.astype(float) for o in observations]
+    return [balance_term(body, state, filmed, weights, shares)]
 
 
 def balance_term(
