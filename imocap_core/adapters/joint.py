@@ -104,7 +104,6 @@ class JointProblem:
             self.options,
             progress,
             cameras=before.cameras,
-            swapped=before.swapped,
             restart=restart,
         )
 

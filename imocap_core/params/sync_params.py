@@ -27,7 +27,8 @@ class SyncParams:
         "best path (the paper's).",
     )
     consensus_rounds: WholeNumber = param(
-        5, "Refinements of each video against the template on which the other videos agree."
+        5,
+        "Refinements, at most, of each video against the template on which the other videos agree.",
     )
     orientation_window_s: Positive = param(
         1.0, "Time over which the orientation error of a monocular estimate persists.", unit="s"

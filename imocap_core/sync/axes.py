@@ -40,6 +40,7 @@ from imocap_core.sync.warp.template import NearbySquares, isotonic, mass_within,
 from imocap_core.workers import thread_map
 
 SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
+_SETTLED_FRAMES = 0.05  # the other refinements end when maps move less
 SHARPNESS = 3.0  # factor of their evidence
 REPROJECTION_ROUNDS = 2  # in the second, outliers are those at the moments of the first
 SEARCH_S = 2.0  # beyond what a map does not rule out, a refinement looks this far
@@ -133,17 +134,14 @@ def _refine_by_poses(
 ) -> list[BandedMap]:
     """Refine the maps (T_v, S) and P(matched) (T_v,) by the poses of the other videos, in place.
 
-    The last rounds weigh the evidence more: the template errs less than the two estimates for which
-    the evidence is set. The certainty of a position is that of the usual evidence: those maps are
-    returned.
+    They end where the maps settle. The last rounds weigh the evidence more: the template errs less
+    than the two estimates for which the evidence is set. The certainty of a position is that of the
+    usual evidence: those maps are returned.
     """
     sharp = replace(params, evidence_per_s=SHARPNESS * params.evidence_per_s)
     first, usual = list(maps), list(maps)
-    plan = [params] * params.consensus_rounds
-    plan += [sharp] * (SHARP_ROUNDS if plan else 0)
-    # the first refinement aligns frame by frame; only then are orientations accurate enough
-    windows = [params.orientation_window_s * f for f in axis.clocks.action_fps]
-    for round_, evidence in enumerate(plan):
+
+    def refine(evidence: SyncParams, windows: list[float] | None) -> None:
         weighted = [
             None if v == axis.reference else m.scaled(p)
             for v, (m, p) in enumerate(zip(maps, matched, strict=True))
@@ -156,7 +154,7 @@ def _refine_by_poses(
             [axis.nearby(of_video, params) for of_video in zip(maps, usual, first, strict=True)],
             axis.reference,
             params.positions_per_frame,
-            windows if round_ else None,
+            windows,
             distances.vertical,
         )
         for v, squares in squares_of_videos:
@@ -165,6 +163,19 @@ def _refine_by_poses(
             maps[v] = (
                 usual[v] if evidence is params else axis.soft_map(v, squares, typical, evidence)[0]
             )
+
+    def positions() -> Float[np.ndarray, " N_a"]:
+        return np.concatenate([median_positions(m, params.positions_per_frame) for m in maps])
+
+    # the first refinement aligns frame by frame; only then are orientations accurate enough
+    windows = [params.orientation_window_s * f for f in axis.clocks.action_fps]
+    for round_ in range(params.consensus_rounds):
+        before = positions()
+        refine(params, windows if round_ else None)
+        if round_ and np.abs(positions() - before).mean() < _SETTLED_FRAMES:
+            break
+    for _ in range(SHARP_ROUNDS if params.consensus_rounds else 0):
+        refine(sharp, windows)
     return usual
 
 

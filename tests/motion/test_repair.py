@@ -126,20 +126,6 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
 
 
 @pytest.mark.long
-def test_a_solve_that_goes_on_begins_afresh_where_other_sides_are_swapped_now(made: Made) -> None:
-    """It went on from a result that had been fitted to swapped legs."""
-    start, bad = disturbed(in_own_axes(made), 0.03), confused(whole(made), LEGS)
-    none = [np.zeros(FRAMES, int)] * len(TURNS_DEG)
-    legs, once = [np.where(STRETCH, LEGS, 0), *none[1:]], replace(OPTIONS, max_steps=1)
-    go_on, again, as_before = (
-        recover_motion(bad, start, once, cameras=made.cameras(), swapped=states, restart=restart)
-        for states, restart in ((none, False), (none, True), (legs, False))
-    )
-    assert go_on.costs == again.costs
-    assert as_before.costs != again.costs
-
-
-@pytest.mark.long
 def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made) -> None:
     true = in_own_axes(made)
     start = disturbed(true, 0.03)

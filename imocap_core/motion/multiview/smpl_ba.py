@@ -79,7 +79,7 @@ def within_reference(motion: JointMotion, axis: Axis) -> JointMotion:
     keypoints_m = motion.spread.keypoints_m[:, axis.of_reference]
     return replace(
         motion,
-        common=_frames_of(motion.common, axis.of_reference),
+        common=motion.common.uncached().of_frames(axis.of_reference),
         spread=replace(motion.spread, keypoints_m=keypoints_m),
     )
 
@@ -108,16 +108,6 @@ def _axis(places: Sequence[Float[np.ndarray, " _"]], frames: int) -> Axis:
     return Axis(max(0, int(before)), frames, max(0, int(after)))
 
 
-def _frames_of(motion: MotionState, frames: slice) -> MotionState:
-    """Some frames of a motion."""
-    return replace(
-        motion.uncached(),
-        R_local=motion.R_local[:, frames],
-        trans=motion.trans[:, frames],
-        valid=motion.valid[:, frames],
-    )
-
-
 START_STEPS = 2  # of the coupled fit that the common one starts from: more gain nothing there
 
 
@@ -128,7 +118,6 @@ def recover_motion(
     progress: Progress = lambda _: None,
     *,
     cameras: Cameras | None = None,
-    swapped: Sequence[Int[np.ndarray, " _"]] = (),
     restart: bool = False,
 ) -> JointMotion:
     """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
@@ -136,17 +125,15 @@ def recover_motion(
     Args:
         cameras: of an earlier result that ``start`` is part of: it needs no coupling before the
             common fit (``paper`` alternates all the same).
-        swapped: which sides of the detections that result had swapped, of every video; where others
-            are now, all is fitted afresh.
         restart: fit through all robust scales all the same, and every deviation from the common
             motion, instead of going on where the earlier result stopped.
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
     if options.objective != "shared" or not scene.beyond:
-        return _recovered(scene, start, options, progress, cameras, swapped, restart)
+        return _recovered(scene, start, options, progress, cameras, restart)
     scene, axis = continued(scene)
-    result = _recovered(scene, start, options, progress, cameras, swapped, restart)
+    result = _recovered(scene, start, options, progress, cameras, restart)
     return within_reference(result, axis)
 
 
@@ -156,14 +143,12 @@ def _recovered(
     options: MotionParams,
     progress: Progress,
     cameras: Cameras | None,
-    swapped: Sequence[Int[np.ndarray, " _"]],
     restart: bool,
 ) -> JointMotion:
     """The same of two videos or more, on the scene's own axis."""
     state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)
-        restart |= any((a != b).any() for a, b in zip(swapped, scene.swapped, strict=False))
         return common_then_deviations(scene, state, cameras, options, progress, restart=restart)
     K = scene.K.to(start.trans)
     cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
