@@ -10,9 +10,10 @@ blow up, so solved and captured joints go through the same Gaussian, as gait lab
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -98,7 +99,11 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     peaks = [_peak_row(name, errors) for name, errors in sorted(measured.peaks.items())]
     pairs = zip(FILTERS_FRAMES, np.mean(measured.accelerations, axis=0), strict=True)
     accelerations = [AccelerationRow(filtered, *map(float, row)) for filtered, row in pairs]
-    tables = {"angles": angles, "peaks": peaks, "accelerations": accelerations}
+    tables: dict[str, Sequence[Any]] = {
+        "angles": angles,
+        "peaks": peaks,
+        "accelerations": accelerations,
+    }
     for name, rows in tables.items():
         write_rows(folder, name, rows)
     text = "\n\n".join(markdown_of_rows(rows) for rows in tables.values())

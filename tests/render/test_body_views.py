@@ -38,13 +38,12 @@ def test_a_turned_body_has_the_same_heading_however_it_bends(yaw: float) -> None
         assert np.allclose(heading_of(turned @ _rotation(bend, 0, 0)), expected)
     for lean in (0.8, np.pi / 2):  # to the side
         assert np.allclose(heading_of(turned @ _rotation(0, 0, lean)), expected)
-    on_the_head = turned @ _rotation(np.pi, 0, 0)
-    assert np.allclose(heading_of(on_the_head), -expected)
+    assert np.allclose(heading_of(turned @ _rotation(np.pi, 0, 0)), -expected)  # on the head
 
 
 def test_the_heading_of_who_rolls_on_all_fours_does_not_jump() -> None:
-    rolls = np.linspace(0, 1.2, 25)
-    headings = [heading_of(_rotation(np.pi / 2, 0, 0) @ _rotation(0, r, 0)) for r in rolls]
+    rolls = [_rotation(0, roll, 0) for roll in np.linspace(0, 1.2, 25)]
+    headings = [heading_of(_rotation(np.pi / 2, 0, 0) @ roll) for roll in rolls]
     assert (np.linalg.norm(np.diff(headings, axis=0), axis=1) < 0.06).all()
 
 
