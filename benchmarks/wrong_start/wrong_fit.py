@@ -73,12 +73,12 @@ def wrongly_started(
             stride=stride, max_steps=options.max_steps,
         )  # fmt: skip
         others = alternatives(
-            body, prior, library, observation, fit.coarse, params.fit,
-            count=options.hypotheses - 1,
+            body, prior, library, [observation], fit.coarse, params.fit,
+            videos=[0], count=options.hypotheses - 1,
         )  # fmt: skip
         alone = Keypoints(videos=[keypoints.videos[wrong.video]])
         videos[wrong.video] = motions_of(body, fit.state, [observation], alone)[0]
-        alternatives_stored += alternatives_of(body, [others], [observation], alone)
+        alternatives_stored += alternatives_of(body, others, [observation], alone)
     return initial.model_copy(update={"videos": videos, "alternatives": alternatives_stored})
 
 

@@ -112,24 +112,30 @@ def lifted_joints(
 def path_units(
     body: Body,
     prior: PosePrior,
-    camera: VideoCameraMotion,
-    observation: Observation,
-    starts_of: Callable[[Observation], list[Start]],
+    keypoints: Keypoints,
+    cameras: CameraMotion,
+    observations: Sequence[Observation],
+    starts_of: Callable[[int, Observation], list[Start]],
     weights: FitParams,
-    stride: int,
+    stride_s: float,
 ) -> list[PathUnit]:
-    """The unit of a camera's path; none where that is unknown.
+    """The unit of every camera whose path is known.
 
     Args:
-        observation: of the video, without the path; starts_of: starts for one that has it.
+        observations: of all videos, without paths; starts_of: starts of a video (by its index)
+            with an observation that has its path.
     """
-    if not len(camera.path):
-        return []
-    unitless = replace(observation, centre_m=camera.path, place_sd_m=None)
-    guess = guessed_unit(unitless)
-    starts = starts_of(with_unit(unitless, guess))
-    unit = estimate_path_unit(body, prior, unitless, guess, starts, weights, stride)
-    return [PathUnit(id=camera.id, unit_m=unit.unit_m, relative_sd=unit.relative_sd)]
+    units = []
+    for v, (video, camera) in enumerate(zip(keypoints.videos, cameras.videos, strict=True)):
+        if not len(camera.path):
+            continue
+        unitless = replace(observations[v], centre_m=camera.path, place_sd_m=None)
+        guess = guessed_unit(unitless)
+        starts = starts_of(v, with_unit(unitless, guess))
+        stride = max(1, round(stride_s * video.fps))
+        unit = estimate_path_unit(body, prior, unitless, guess, starts, weights, stride)
+        units.append(PathUnit(id=video.id, unit_m=unit.unit_m, relative_sd=unit.relative_sd))
+    return units
 
 
 ANY = "video"  # the name that a video has while it is fitted
@@ -254,30 +260,31 @@ def fit_single_video(
     keypoints, cameras = single.keypoints, single.cameras
     problem = SingleProblem.of(single, prior, rng, fit, options)
     body, weights, observations = problem.body, problem.weights, problem.observed()
-    stride, observation = single.stride(options), observations[0]
-    units = path_units(body, prior, cameras.videos[0], observation, problem.starts, weights, stride)
+    units = path_units(
+        body, prior, keypoints, cameras, observations, lambda _, o: problem.starts(o), weights,
+        options.stride_s,
+    )  # fmt: skip
     if units:
         observations = problem.observed(units)
     solved = fit_monocular(
         body, prior, observations, [problem.starts(observations[0])], weights,
-        stride=stride, max_steps=options.max_steps, balance=alone,
+        stride=single.stride(options), max_steps=options.max_steps, balance=alone,
         progress=progress,
     )  # fmt: skip
     motions = motions_of(body, solved.state, observations, keypoints)
     progress("other motions that may explain the video")
     count = 0 if alone or single.estimate is not None else options.hypotheses - 1
-    others = []
-    if count:
-        others = alternatives(
-            body, prior, problem.library, observations[0], solved.coarse, weights, count=count
-        )
+    others = alternatives(
+        body, prior, problem.library, observations, solved.coarse, weights,
+        videos=[0] if count else [], count=count,
+    )  # fmt: skip
     return InitialSmpl(
         model=body.model.name,
         model_digest=body.model.digest,
         videos=motions,
         source={ANY: problem.source},
         starts=starts_of([ANY], solved.costs),
-        alternatives=alternatives_of(body, [others], observations, keypoints),
+        alternatives=alternatives_of(body, others, observations, keypoints),
         grounds=grounds_of(motions, keypoints, cameras, fit),
         path_units=units,
     )

@@ -123,8 +123,7 @@ def arms_above_support(
 Progress = Callable[[str], None]
 # Scales of the robust loss, relative to the final one, with the tolerance of each: descent may
 # pause at the widest; at the others it need not be exact.
-_COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
-DISTINCT_M = 0.1  # mean distance of the joints about the root
+COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
 TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
 BALANCE_ROUNDS = 2  # up and the support are those of the motion before
 ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
@@ -241,14 +240,19 @@ def fit_monocular(
         max_steps: Gauss-Newton steps of the last fit.
         balance: bodies balance over their support, as no other video tells how far they lean.
     """
-    progress(f"{sum(len(s) for s in starts)} starts on one frame of {stride}")
-    fits = coarse_fits(body, prior, observations, starts, weights, stride)
+    owner = [v for v, of_video in enumerate(starts) for _ in of_video]
+    progress(f"{len(owner)} starts on one frame of {stride}")
+    coarse = [every(observations[v], stride) for v in owner]
+    every_start = [start for of_video in starts for start in of_video]
+    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in every_start]
+    state = stacked(flat, validity(coarse, flat[0].trans))
+    fits = CoarseFits(*narrowed(body, prior, coarse, state, weights, COARSE), owner, stride)
     videos = range(len(observations))
-    chosen = torch.tensor([fits.best_row(v) for v in videos], device=fits.state.valid.device)
+    chosen = torch.tensor([fits.best_row(v) for v in videos], device=state.valid.device)
     progress("the best start of each video on all frames")
     state = all_frames(fits.state.rows(chosen), observations, stride)
     terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
-    for _ in range(BALANCE_ROUNDS if balance else 1):
+    for _ in range(BALANCE_ROUNDS):
         balanced = balance_terms(body, state, observations, weights) if balance else []
         solution = gauss_newton(
             [*terms, *balanced], state, max_steps=max_steps, relative_tolerance=TOLERANCE
@@ -256,27 +260,6 @@ def fit_monocular(
         state = solution.state
     costs = [[fits.costs[row] for row in fits.rows(v)] for v in videos]
     return MonocularFit(state, costs, solution.status, fits)
-
-
-def coarse_fits(
-    body: Body,
-    prior: PosePrior,
-    observations: Sequence[Observation],
-    starts: Sequence[Sequence[Start]],
-    weights: FitParams,
-    stride: int,
-) -> CoarseFits:
-    """The fits from all starts of all videos on every ``stride``-th frame."""
-    owner = [v for v, of_video in enumerate(starts) for _ in of_video]
-    flat = [
-        Start(s.R_local[::stride], s.trans[::stride], s.cost)
-        for of_video in starts
-        for s in of_video
-    ]
-    thin = [every(o, stride) for o in observations]
-    views = [thin[v] for v in owner]
-    state = stacked(flat, validity(views, flat[0].trans))
-    return CoarseFits(*narrowed(body, prior, views, state, weights, _COARSE), owner, stride)
 
 
 def narrowed(
@@ -287,40 +270,15 @@ def narrowed(
     weights: FitParams,
     schedule: Sequence[tuple[float, float]],
 ) -> tuple[MotionState, list[float]]:
-    """Minima under a robust loss that narrows, and the objective of each; of motions of one
-    observation that come near each other the best goes on and stands for all.
+    """Minima under a robust loss that narrows, and the objective of each.
 
     Args:
         schedule: scales of the loss, relative to the final one, each with its tolerance.
     """
-    views, row = list(observations), np.arange(len(observations))
     for scale, tolerance in schedule:
-        terms = monocular_terms(body, prior, views, state.trans, weights, scale)
+        terms = monocular_terms(body, prior, observations, state.trans, weights, scale)
         state = gauss_newton(terms, state, max_steps=6, relative_tolerance=tolerance).state
-        costs = objective(terms, state)
-        better, place = np.unique(_better_near(body, views, state, costs), return_inverse=True)
-        row, views, index = place[row], [views[k] for k in better], torch.as_tensor(better)
-        state, costs = state.rows(index), costs[index]
-    return state.rows(torch.as_tensor(row)), costs[row].tolist()
-
-
-def _better_near(
-    body: Body, views: Sequence[Observation], state: MotionState, costs: Float[Tensor, " B"]
-) -> list[int]:
-    """Of each motion the best one within `DISTINCT_M` of it, which may be itself."""
-    poses, distinct, better = about_root(body, state), list[int](), list(range(len(views)))
-    for k in torch.argsort(costs, stable=True).tolist():
-        same = [j for j in distinct if views[j] is views[k]]
-        near = (j for j in same if (poses[j] - poses[k]).norm(dim=-1).mean() <= DISTINCT_M)
-        better[k] = next(near, k)
-        distinct += [k] if better[k] == k else []
-    return better
-
-
-def about_root(body: Body, state: MotionState) -> Float[Tensor, "B T 24 3"]:
-    """SMPL's joints about the root, metres."""
-    xyz = body.positions(body.joints, state)
-    return xyz - xyz[:, :, :1]
+    return state, objective(terms, state).tolist()
 
 
 def monocular_terms(
@@ -418,15 +376,18 @@ def estimate_path_unit(
         starts: of the fit, with the guess; stride: every so many frames are fitted.
     """
     thin = every(observation, stride)
-    guessed = with_unit(observation, guess)
-    fits = coarse_fits(body, prior, [guessed], [starts], weights, stride)
-    best = fits.state.rows(torch.tensor([fits.best_row(0)], device=fits.state.valid.device))
+    guessed = with_unit(thin, guess)
+    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in starts]
+    views = [guessed] * len(flat)
+    state = stacked(flat, validity(views, flat[0].trans))
+    state, costs = narrowed(body, prior, views, state, weights, COARSE)
+    best = state.rows(torch.tensor([int(np.argmin(costs))], device=state.valid.device))
     log_unit = float(np.log(guess))
     for offsets in (WIDE, WIDE / 2, NARROW):
         units = log_unit + offsets
-        values, motions = _objectives(body, prior, thin, best, log_unit, units, weights)
+        values, fits = _objectives(body, prior, thin, best, log_unit, units, weights)
         low = int(np.argmin(values))
-        best, log_unit = motions.rows(torch.tensor([low], device=motions.valid.device)), units[low]
+        best, log_unit = fits.rows(torch.tensor([low], device=fits.valid.device)), units[low]
     curve = np.polyfit(units, values, 2)
     curvature = 2 * float(curve[0])
     if curvature > 0:

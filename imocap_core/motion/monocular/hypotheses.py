@@ -14,17 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.monocular.fit import (
-    DISTINCT_M,
-    CoarseFits,
-    about_root,
-    all_frames,
-    coarse_fits,
-    narrowed,
-    stacked,
-)
+from imocap_core.motion.monocular.fit import COARSE, CoarseFits, all_frames, narrowed, stacked
 from imocap_core.motion.monocular.starts import (
     Library,
     Start,
@@ -37,6 +30,7 @@ from imocap_core.motion.state import REFLECTION, TWINS, Body, MotionState
 from imocap_core.params import FitParams
 
 NARROWING = ((3.0, 1e-2), (1.0, 1e-2))  # a wider loss would undo the reversal
+DISTINCT_M = 0.1  # mean distance of the joints about the root
 
 
 @dataclass(frozen=True)
@@ -57,35 +51,40 @@ def alternatives(
     body: Body,
     prior: PosePrior,
     library: Library,
-    observation: Observation,
+    observations: Sequence[Observation],
     coarse: CoarseFits,
     weights: FitParams,
     *,
+    videos: Sequence[int],
     count: int,
-    video: int = 0,
-) -> list[MotionHypothesis]:
-    """The distinct alternatives of a video's best fit, cheapest first, on all frames.
+) -> list[list[MotionHypothesis]]:
+    """The distinct alternatives of each video's best fit, cheapest first, on all frames.
 
     Args:
-        coarse: the fits from all starts; video: whose alternatives are wanted.
-        count: of them at most. Their costs are less the best fit's.
+        coarse: the fits from all starts; videos: those whose alternatives are wanted.
+        count: alternatives of one video at most. Their costs are less the best fit's.
     """
-    thin, best_row = every(observation, coarse.stride), coarse.best_row(video)
-    best = _hypothesis(coarse, best_row, "best", thin)
-    rest = [
-        _hypothesis(coarse, row, f"start {number}", thin)
-        for number, row in enumerate(coarse.rows(video), start=1)
-        if row != best_row
+    thin = [every(o, coarse.stride) for o in observations]
+    best = {v: _hypothesis(coarse, coarse.best_row(v), "best", thin[v]) for v in videos}
+    reversals = [
+        (v, name, start)
+        for v in videos
+        for name, start in reversed_starts(body, library, best[v].motion, thin[v]).items()
     ]
-    starts = reversed_starts(body, library, best.motion, thin)
-    if starts:
-        views = [thin] * len(starts)
-        state = stacked(list(starts.values()), validity(views, best.motion.trans))
-        fits = narrowed(body, prior, views, state, weights, NARROWING)
-        reversals = CoarseFits(*fits, [video] * len(starts), coarse.stride)
-        rest += [_hypothesis(reversals, row, name, thin) for row, name in enumerate(starts)]
-    distinct = _distinct(body, [best, *sorted(rest, key=lambda h: h.cost)])[1 : count + 1]
-    return [_dense(h, best, observation, coarse.stride) for h in distinct]
+    reversed_fits = _fits_of(body, prior, [(v, s) for v, _, s in reversals], thin, coarse, weights)
+    out: list[list[MotionHypothesis]] = [[] for _ in observations]
+    for v in videos:
+        rest = [
+            _hypothesis(coarse, row, f"start {number}", thin[v])
+            for number, row in enumerate(coarse.rows(v), start=1)
+            if row != coarse.best_row(v)
+        ]
+        names = [name for u, name, _ in reversals if u == v]
+        rows = zip(reversed_fits.rows(v), names, strict=True)
+        rest += [_hypothesis(reversed_fits, row, name, thin[v]) for row, name in rows]
+        distinct = _distinct(body, [best[v], *sorted(rest, key=lambda h: h.cost)])[1 : count + 1]
+        out[v] = [_dense(h, best[v], observations[v], coarse.stride) for h in distinct]
+    return out
 
 
 def from_starts(
@@ -105,9 +104,17 @@ def from_starts(
     Args:
         count: of all of them at most.
     """
-    fits = coarse_fits(body, prior, [observation], [starts], weights, stride)
-    best = _hypothesis(fits, fits.best_row(0), "best", every(observation, stride))
-    others = alternatives(body, prior, library, observation, fits, weights, count=count - 1)
+    thin = every(observation, stride)
+    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in starts]
+    views = [thin] * len(flat)
+    state = stacked(flat, validity(views, flat[0].trans))
+    fits = CoarseFits(
+        *narrowed(body, prior, views, state, weights, COARSE), [0] * len(flat), stride
+    )
+    best = _hypothesis(fits, fits.best_row(0), "best", thin)
+    others = alternatives(
+        body, prior, library, [observation], fits, weights, videos=[0], count=count - 1
+    )[0]
     dense = MotionHypothesis(all_frames(best.motion, [observation], stride), best.cost, best.name)
     return [dense, *(replace(h, cost=h.cost + best.cost) for h in others)]
 
@@ -118,7 +125,7 @@ def reversed_starts(
     """Starts at the reversals of a motion (batch of 1): its depth, its facing, and its reflection
     in depth with the sides swapped; those that no frame's keypoints can place are left out."""
     R_local = motion.R_local[0]
-    joints = about_root(body, motion)[0].cpu().numpy()
+    joints = _about_root(body, motion).cpu().numpy()
     half_turn = torch.diag(R_local.new_tensor([-1.0, 1.0, -1.0]))
     reflection = torch.diag(torch.as_tensor(REFLECTION).to(R_local))
     turned, reflected = R_local.clone(), reflection @ R_local[:, TWINS] @ reflection
@@ -135,6 +142,24 @@ def reversed_starts(
     return starts
 
 
+def _fits_of(
+    body: Body,
+    prior: PosePrior,
+    starts: Sequence[tuple[int, Start]],
+    thin: Sequence[Observation],
+    coarse: CoarseFits,
+    weights: FitParams,
+) -> CoarseFits:
+    """The fits from further starts, each given with its video."""
+    owner = [v for v, _ in starts]
+    if not starts:
+        return CoarseFits(coarse.state, [], [], coarse.stride)
+    observations = [thin[v] for v in owner]
+    state = stacked([s for _, s in starts], validity(observations, starts[0][1].trans))
+    state, costs = narrowed(body, prior, observations, state, weights, NARROWING)
+    return CoarseFits(state, costs, owner, coarse.stride)
+
+
 def _hypothesis(
     fits: CoarseFits, row: int, name: str, observation: Observation
 ) -> MotionHypothesis:
@@ -147,11 +172,16 @@ def _distinct(body: Body, ordered: Sequence[MotionHypothesis]) -> list[MotionHyp
     chosen: list[MotionHypothesis] = []
     poses: list[Tensor] = []
     for hypothesis in ordered:
-        pose = about_root(body, hypothesis.motion)[0]
+        pose = _about_root(body, hypothesis.motion)
         if all(float((pose - p).norm(dim=-1).mean()) > DISTINCT_M for p in poses):
             chosen.append(hypothesis)
             poses.append(pose)
     return chosen
+
+
+def _about_root(body: Body, motion: MotionState) -> Float[Tensor, "T 24 3"]:
+    xyz = body.positions(body.joints, motion)[0]
+    return xyz - xyz[:, :1]
 
 
 def _dense(
