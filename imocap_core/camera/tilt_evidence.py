@@ -16,13 +16,8 @@ from scipy.special import expit
 from imocap_core.body.kinematics import centre_of_mass
 from imocap_core.conventions import SIDES, SMPL_JOINTS
 
-ROLL_DOF, PITCH_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = (
-    2.0,
-    4.0,
-    4.0,
-    2.0,
-    3.0,
-)  # of the t distributions
+# degrees of freedom of the t distributions
+ROLL_DOF, PITCH_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = 2.0, 4.0, 4.0, 2.0, 3.0
 SUPPORT_HEIGHT_M = 0.06  # a limb this far above the lowest one supports less
 HAND_SHARE = 0.3  # of a foot's: how readily hands and knees count as support
 SEAT_SHARE = 0.7  # of the weight of who sits
@@ -250,7 +245,7 @@ def _off_support(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
 ) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
     """`_off_middle` of feet, hands and knees by their heights."""
-    share = _shares(up, support)
+    share = support_shares(up, support)
     return _off_middle(up, support, support.limbs, share, (sight, ahead))
 
 
@@ -302,19 +297,17 @@ def support_under(
 ) -> tuple[Float[np.ndarray, "U N 3"], Float[np.ndarray, "U N 3 3"]]:
     """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle."""
     share = support_shares(up, support)
-    middle = np.einsum("uns,nsc->unc", share, support.limbs)
+    middle = np.einsum("usn,nsc->unc", share, support.limbs)
     apart = support.limbs[None] - middle[:, :, None]
-    return middle, 0.5 * np.einsum("uns,unsi,unsj->unij", share, apart, apart)
+    return middle, 0.5 * np.einsum("usn,unsi,unsj->unij", share, apart, apart)
 
 
-def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U N 7"]:
-    """How much each limb and the seat support; their sum is 1."""
-    return _shares(up, support).swapaxes(1, 2)
+def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U 7 N"]:
+    """How much each limb and the seat support; their sum is 1.
 
-
-def _shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U 7 N"]:
-    """The same. Limbs count by their height above the lowest one; low hips that neither rise nor
-    sink rest on a seat, whose height nobody knows."""
+    Limbs count by their height above the lowest one; low hips that neither rise nor sink rest on a
+    seat, whose height nobody knows.
+    """
     height = np.einsum("nsc,uc->usn", support.limbs, up)
     limbs, hips = height[:, :-1], height[:, -1]
     readily = np.where(np.arange(limbs.shape[1]) < len(BALLS), 1.0, HAND_SHARE)

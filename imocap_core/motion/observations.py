@@ -54,9 +54,9 @@ class Observation:
     swapped: Int[np.ndarray, " T"] | None = None
 
     @property
-    def feet_shown(self) -> float:
-        """Share of the frames in which a foot is seen."""
-        return 1.0 if self.feet_seen is None else float(self.feet_seen.mean())
+    def feet_shown(self) -> Float[np.ndarray, " T"]:
+        """`feet_seen` as numbers, 1 in every frame where it is not given."""
+        return np.ones(len(self.xy_px)) if self.feet_seen is None else self.feet_seen.astype(float)
 
     @property
     def swapped_states(self) -> Int[np.ndarray, " T"]:

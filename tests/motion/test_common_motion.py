@@ -100,13 +100,14 @@ def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) ->
     assert float(prior.cost(moved)) == pytest.approx(FRAMES / SPREAD**2 * 4 * 0.1**2)
 
 
-def along_sight(turns_deg: list[float], motion: MotionState) -> list[Term]:
-    """Balance of a motion that these views show throughout."""
+def along_sight(turns_deg: list[float], motion: MotionState, feet: bool = True) -> list[Term]:
+    """Balance of a motion that these views show throughout, with its feet or without."""
     made = scene(FRAMES, turns_deg, np.random.default_rng(3))
     shown = [np.ones(FRAMES)] * len(turns_deg)
     timeline = make_timeline([np.arange(float(FRAMES))] * len(shown), shown, FRAMES)
     steady = FitParams(camera_pitch_deg=3.0)
-    filmed = Scene(made.body, wide_prior(), made.observations, timeline, shown, 0, steady)
+    views = [replace(o, feet_seen=np.full(FRAMES, feet)) for o in made.observations]
+    filmed = Scene(made.body, wide_prior(), views, timeline, shown, 0, steady)
     return balance_along_sight(filmed, motion, made.cameras())
 
 
@@ -115,6 +116,7 @@ def test_a_lean_along_the_only_line_of_sight_costs_and_across_others_does_not() 
     (term,) = along_sight([0.0, 2.0, 4.0, 182.0], lean)
     assert float(term.cost(leaning(0.0, FRAMES))) < 0.25 * float(term.cost(lean))
     assert along_sight([0.0, 70.0], lean) == []
+    assert along_sight([0.0, 2.0], lean, feet=False) == []
 
 
 def test_balance_counts_where_all_that_show_a_moment_look_along_one_line() -> None:

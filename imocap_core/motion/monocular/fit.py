@@ -69,11 +69,10 @@ def balance_terms(
         return []
     joints = body.positions(body.joints, state).detach().cpu().numpy()
     filmed = [
-        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.feet_shown)]
+        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.feet_shown.mean())]
         for x, o in zip(joints, observations, strict=True)
     ]
-    shares = [None if o.feet_seen is None else o.feet_seen.astype(float) for o in observations]
-    return [balance_term(body, state, filmed, weights, shares)]
+    return [balance_term(body, state, filmed, weights, [o.feet_shown for o in observations])]
 
 
 def balance_term(
@@ -81,7 +80,7 @@ def balance_term(
     state: MotionState,
     filmed: Sequence[Sequence[FilmedBody]],
     weights: FitParams,
-    shares: Sequence[Float[np.ndarray, " T"] | None],
+    shares: Sequence[Float[np.ndarray, " T"]],
 ) -> Term:
     """Balance over the limbs that support each motion, under the up that its cameras tell.
 
@@ -89,17 +88,16 @@ def balance_term(
 
     Args:
         filmed: of each motion the body with its camera, then other cameras without it (NaN).
-        shares: of each motion's weight in each frame; None: all of it.
+        shares: of each motion's weight in each frame.
     """
     level = LevelPrior(
         weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
     )
     arms, whitening = [], []
-    for v, bodies in enumerate(filmed):
+    for bodies, share in zip(filmed, shares, strict=True):
         arm, whiten = arms_above_support(bodies[0], estimate_up(bodies, level).up)
         arms.append(arm)
-        share = shares[v]
-        whitening.append(whiten if share is None else whiten * share[:, None, None] ** 0.5)
+        whitening.append(whiten * share[:, None, None] ** 0.5)
     rows = padded(arms, state.trans), padded(whitening, state.trans)
     return Balance(body, *rows, weights.balance, SCALE_SIGMAS)
 
@@ -117,7 +115,7 @@ def arms_above_support(
     axes = np.stack([axis[0] for axis in perpendicular(up[None])])
     covariance = axes @ spread @ axes.T + free[:, None, None] * np.eye(2)
     whiten = np.linalg.inv(np.linalg.cholesky(covariance)) @ axes
-    return JOINT_MASS_SHARES - share @ LIMB_SHARES, whiten
+    return JOINT_MASS_SHARES - share.T @ LIMB_SHARES, whiten
 
 
 Progress = Callable[[str], None]

@@ -313,19 +313,19 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
 
 
 def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
-    """Balance of the common motion where all videos look along one line, which hides any lean.
+    """Balance of the common motion where a foot shows and all videos look along one line.
 
-    Up is told by all cameras and, once, by the body.
+    Such views hide a lean. Up is told by all cameras and, once, by the body.
     """
     joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
     R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
-    shares = share_of_balance(joints[:, 0], R, t, scene.timeline.confidence, scene.fps)
+    feet = scene.feet_shown
+    shares = share_of_balance(joints[:, 0], R, t, scene.timeline.confidence, scene.fps) * feet
     if scene.fit.balance == 0 or not shares.any():
         return []
     used = set(np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist())
-    shown = max(scene.observations[v].feet_shown for v in used)
     filmed = [
-        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v], shown)
+        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v], feet.mean())
         for x, views in ((joints, {scene.reference}), (joints * np.nan, used - {scene.reference}))
         for v in sorted(views)
     ]
