@@ -4,7 +4,6 @@ import multiprocessing
 import os
 import signal
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,12 +27,10 @@ def plant(folder: Path, *modules: str) -> Path:
     return trace
 
 
-def forked(work: Callable[..., None], *arguments: object) -> int:
-    """The exit code of a copy of this process: what a new one imports for seconds, it has."""
-    process = multiprocessing.get_context("fork").Process(target=work, args=arguments)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # later Pythons warn of threads, which a copy lacks
-        process.start()
+def in_new_process(work: Callable[..., None], *arguments: object) -> int:
+    """The exit code of a new process that does it; a fork would copy locks that threads hold."""
+    process = multiprocessing.get_context("spawn").Process(target=work, args=arguments)
+    process.start()
     process.join(300)
     assert process.exitcode is not None, "it goes on"
     return process.exitcode

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from imocap_core.pipeline.graph import VARIABLE
-from tests.processes import forked
+from tests.processes import in_new_process
 
 HEAD = """
 import os, signal
@@ -159,20 +159,21 @@ class Toy:
     def apart(self, *words: str, **environment: str) -> tuple[int, str]:
         """Run `imocap WORDS` in a process of its own: its exit code and standard error."""
         errors = self.root / "errors"
-
-        def run() -> None:
-            os.environ.update(environment)
-            with errors.open("w", buffering=1) as sys.stderr:
-                code = self.imocap(words)
-            sys.exit(code)
-
-        return forked(run), errors.read_text()
+        wanted = {**os.environ, **environment}
+        return in_new_process(_run, self, words, wanted, errors), errors.read_text()
 
     def imocap(self, words: Sequence[str]) -> int:
         """Run `imocap WORDS` in this process; its exit code."""
         from imocap_core.cli import main
 
         return main([*words, "--root", str(self.root)])
+
+
+def _run(toy: Toy, words: Sequence[str], environment: dict[str, str], errors: Path) -> None:
+    os.environ.update(environment)
+    with errors.open("w", buffering=1) as sys.stderr:
+        code = toy.imocap(words)
+    sys.exit(code)
 
 
 @pytest.fixture

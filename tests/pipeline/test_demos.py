@@ -12,7 +12,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from imocap_core.pipeline import builtin_actions as demos
-from tests.processes import forked
+from tests.processes import in_new_process
 
 
 @pytest.fixture
@@ -91,7 +91,6 @@ def test_a_changed_demo_is_its_user_s(tmp_path, makes, display, place, record):
 
 def make_and_die(folder: Path, moment: str) -> None:
     """In a process that is killed while it makes the demo, or while it puts it in its place."""
-    del sys.modules["imocap_core.pipeline.make_demo"]  # the stand-in
     make_demo = importlib.import_module("imocap_core.pipeline.make_demo")
     make_demo._write_videos = lambda name, seed, draft, progress: draft.mkdir() or {}
     rename = Path.rename
@@ -117,7 +116,7 @@ def drafts(folder: Path) -> list[str]:
 def test_the_draft_of_a_killed_process_is_swept(tmp_path, makes, display, moment):
     folder = tmp_path / "yoga"
     demos.ensure("yoga", folder, 7, display)
-    assert forked(make_and_die, folder, moment) == -signal.SIGKILL
+    assert in_new_process(make_and_die, folder, moment) == -signal.SIGKILL
     assert len(drafts(folder)) == 1
     assert folder.exists() == (moment == "making")
     ours = tmp_path / ".yoga.mine"
