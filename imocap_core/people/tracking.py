@@ -270,7 +270,7 @@ def lost_frames(
     between such jumps, or before or after one, for less of the clip than it is not.
 
     Of people who lie, BlazePose's first frame is often one, and a folded body often is for some
-    frames. In hand-made labels of 1,745 clips (Penn Action) these are 16 of 123,002 frames.
+    frames. In hand-made labels of 1,745 clips (Penn Action) these are 15 of 123,002 frames.
 
     Args:
         xy_px: keypoints, NaN where missing. size_px: of the person.
