@@ -30,6 +30,7 @@ from imocap_core.camera.tilt_evidence import (
     plane_cost,
     planted_feet,
     planted_weight,
+    resting_cost,
     support_of,
     trunk_cost,
     weighted_quantile,
@@ -118,9 +119,10 @@ CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one ob
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
 ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
-OTHER_SHARE, HANGING_SHARE = 0.05, 0.01  # of videos in which other parts than feet carry the body
+BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos in which feet carry the body, other parts,
+# hands; feet and a bench
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
-BY_WHAT = (1 - OTHER_SHARE - HANGING_SHARE, OTHER_SHARE, HANGING_SHARE)
+RESTING_COST = 4.2  # of balance alone
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
@@ -280,13 +282,14 @@ class _Stance:
 
     def if_right(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """As if the pose were right: the body stands on its feet, upright more often than not; or,
-        throughout a video, other parts carry it, and nothing is known of its trunk."""
-        sight = self.R_cam_from_world[2]
-        feet = balance_cost(up, self.support, sight) + plane_cost(up, self.support)
+        throughout a video, other parts or furniture carry it, and nothing is known of its trunk."""
+        sight, plane = self.R_cam_from_world[2], plane_cost(up, self.support)
+        feet = balance_cost(up, self.support, sight) + plane
         feet += TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
         others = carried_cost(up, self.support, sight, LEAN_AHEAD)
         hands = hanging_cost(up, self.support, sight, LEAN_AHEAD)
-        return _mixed(self.count * np.stack([feet, others, hands]), BY_WHAT)
+        bench = resting_cost(up, self.support, sight) + plane - RESTING_COST
+        return _mixed(self.count * np.stack([feet, others, hands, bench]), BY_WHAT)
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """The same when the whole motion may lean in depth, which a view shows least: then it tells

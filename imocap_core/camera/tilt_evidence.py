@@ -47,11 +47,11 @@ LIMB_SHARES = np.concatenate(
     [
         0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]),
         np.eye(24)[WRISTS + KNEES + HIPS + SHOULDERS + ELBOWS],
-        np.eye(24)[HIPS].mean(axis=0, keepdims=True),
+        np.stack([np.eye(24)[HIPS].mean(axis=0), np.eye(24)[SHOULDERS].mean(axis=0)]),
     ]
 )
-"""(13, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, hips, shoulders,
-elbows, the seat."""
+"""(14, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, hips, shoulders,
+elbows, the seat, the upper back."""
 LIMB_RADII_M = np.repeat([0.045, 0.05, 0.06, 0.1, 0.08, 0.04], 2)
 """Depths below the skin of those whose height tells whether they support."""
 LIMBS_OF_STANDING = 6  # feet, wrists, knees: the others carry who lies
@@ -81,26 +81,26 @@ class Support:
 
     Attributes:
         centre: (N, 3) centre of mass; speed_m_s: (N,) its speed.
-        limbs: (N, 13, 3) those of LIMB_SHARES; trunk: (N, 3) unit vectors from
+        limbs: (N, 14, 3) those of LIMB_SHARES; trunk: (N, 3) unit vectors from
             pelvis to neck.
-        hips_steps: (N, 2, 3) of that middle, to it and from it, `SEAT_S` each; leg_m: length of a
-            leg.
+        steps: (N, 2, 2, 3) of the seat and the upper back, to each moment and from it, `SEAT_S`
+            each; leg_m: length of a leg.
         feet: (M, 3) balls of slow feet; planted: (M,) their weights.
         parts: (N, P, 3) those of PARTS; parts_m_s: (N, P) their speeds.
-        limbs_unseen: (N, 13) 1 where it is not, 0 where it is seen.
+        limbs_unseen: (N, 14) 1 where it is not, 0 where it is seen.
     """
 
     centre: Float[np.ndarray, "N 3"]
     speed_m_s: Float[np.ndarray, " N"]
-    limbs: Float[np.ndarray, "N 13 3"]
+    limbs: Float[np.ndarray, "N 14 3"]
     trunk: Float[np.ndarray, "N 3"]
-    hips_steps: Float[np.ndarray, "N 2 3"]
+    steps: Float[np.ndarray, "N 2 2 3"]
     leg_m: float
     feet: Float[np.ndarray, "M 3"]
     planted: Float[np.ndarray, " M"]
     parts: Float[np.ndarray, "N P 3"]
     parts_m_s: Float[np.ndarray, "N P"]
-    limbs_unseen: Float[np.ndarray, "N 13"]
+    limbs_unseen: Float[np.ndarray, "N 14"]
 
 
 def support_of(
@@ -127,7 +127,7 @@ def support_of(
         speed_m_s=fps * np.linalg.norm(step[index], axis=-1),
         limbs=np.einsum("sj,njc->nsc", LIMB_SHARES, chosen),
         trunk=trunk / np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9),
-        hips_steps=_steps(joints[:, HIPS].mean(axis=1), round(SEAT_S * fps))[index],
+        steps=_steps(LIMB_SHARES[-2:] @ joints, round(SEAT_S * fps))[index],
         leg_m=_leg_m(joints),
         feet=feet[some],
         planted=planted[some],
@@ -137,11 +137,11 @@ def support_of(
     )
 
 
-def _steps(place: Float[np.ndarray, "T 3"], frames: int) -> Float[np.ndarray, "T 2 3"]:
-    """Movement of a point over so many frames up to each, and from it on."""
-    index = np.arange(len(place))
-    before, after = (place[np.clip(index + k, 0, len(place) - 1)] for k in (-frames, frames))
-    return np.stack([place - before, after - place], axis=1)
+def _steps(places: Float[np.ndarray, "T 2 3"], frames: int) -> Float[np.ndarray, "T 2 2 3"]:
+    """Movements of points over so many frames up to each, and from it on."""
+    index = np.arange(len(places))
+    before, after = (places[np.clip(index + k, 0, len(places) - 1)] for k in (-frames, frames))
+    return np.stack([places - before, after - places], axis=2)
 
 
 def _leg_m(joints: Float[np.ndarray, "T 24 3"]) -> float:
@@ -211,7 +211,27 @@ def balance_cost(
 
     A density of the centre's place: narrow supports claim more of it than wide ones.
     """
-    share = support_shares(up, support, lying=False)
+    return _density_cost(up, support, sight, support_shares(up, support, lying=False))
+
+
+def resting_cost(
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, " U"]:
+    """The same where a bench or a wall carries the seat or the upper back as well."""
+    share, rests = _shares(up, support, LIMBS_OF_STANDING)
+    rest = SEAT_SHARE * rests * share[:, None, : len(BALLS)].sum(axis=2) ** 2
+    rest *= rests.max(axis=1, keepdims=True) / np.maximum(rests.sum(axis=1, keepdims=True), 1e-9)
+    share = np.concatenate([(1 - rest.sum(axis=1))[:, None] * share, rest], axis=1)
+    return _density_cost(up, support, sight, share)
+
+
+def _density_cost(
+    up: Float[np.ndarray, "U 3"],
+    support: Support,
+    sight: Float[np.ndarray, "3"],
+    share: Float[np.ndarray, "U 14 N"],
+) -> Float[np.ndarray, " U"]:
+    """Of the centre of mass over limbs that carry it by their shares; the mean over moments."""
     unseen = _of_unseen(share, support)
     squared, determinant = _off_middle(
         up, support, support.limbs, share, (sight, LEAN_AHEAD), unseen
@@ -307,7 +327,7 @@ def weighted_quantile(
 
 
 def support_under(
-    share: Float[np.ndarray, "U 13 N"], support: Support
+    share: Float[np.ndarray, "U 14 N"], support: Support
 ) -> tuple[Float[np.ndarray, "U N 3"], Float[np.ndarray, "U N 3 3"]]:
     """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle;
     with that of limbs which are unseen. share: of each in the support."""
@@ -324,23 +344,32 @@ def _of_unseen(share: Float[np.ndarray, "U S N"], support: Support) -> Float[np.
 
 def support_shares(
     up: Float[np.ndarray, "U 3"], support: Support, *, lying: bool = True
-) -> Float[np.ndarray, "U 13 N"]:
+) -> Float[np.ndarray, "U 14 N"]:
     """How much each limb and the seat support; their sum is 1.
 
     Limbs count by their height above the lowest one; low hips that neither rise nor sink rest on a
     seat, whose height nobody knows. Not lying: hips, shoulders and elbows do not count.
     """
+    share, rests = _shares(up, support, len(LIMB_RADII_M) if lying else LIMBS_OF_STANDING)
+    seat = SEAT_SHARE * rests[:, 0] * share[:, : len(BALLS)].sum(axis=1) ** 2
+    return np.concatenate([(1 - seat)[:, None] * share, np.stack([seat, 0 * seat], 1)], axis=1)
+
+
+def _shares(
+    up: Float[np.ndarray, "U 3"], support: Support, count: int
+) -> tuple[Float[np.ndarray, "U 12 N"], Float[np.ndarray, "U 2 N"]]:
+    """Shares of the first limbs by their heights, and how surely seat and upper back rest on
+    something: they are low, and neither rise nor sink."""
     height = np.einsum("nsc,uc->usn", support.limbs, up)
-    limbs, hips = height[:, :-1] - LIMB_RADII_M[:, None], height[:, -1]
-    readily = np.where(np.arange(limbs.shape[1]) < len(BALLS), 1.0, HAND_SHARE)
-    count = limbs.shape[1] if lying else LIMBS_OF_STANDING
+    limbs = height[:, :-2] - LIMB_RADII_M[:, None]
+    readily = np.where(np.arange(count) < len(BALLS), 1.0, HAND_SHARE)
     share = np.zeros(limbs.shape)
-    share[:, :count] = _by_height(limbs[:, :count], readily[:count, None])
-    above = (hips - height[:, :LIMBS_OF_STANDING].min(axis=1)) / support.leg_m
-    moved = np.abs(np.einsum("nkc,uc->kun", support.hips_steps, up)).max(axis=0)
-    sits = expit((SEAT_HEIGHT - above) / SEAT_SPREAD) / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
-    seat = SEAT_SHARE * sits * share[:, : len(BALLS)].sum(axis=1) ** 2
-    return np.concatenate([(1 - seat)[:, None] * share, seat[:, None]], axis=1)
+    share[:, :count] = _by_height(limbs[:, :count], readily[:, None])
+    lowest = height[:, :LIMBS_OF_STANDING].min(axis=1, keepdims=True)
+    above = (height[:, -2:] - lowest) / support.leg_m
+    moved = np.abs(np.einsum("npkc,uc->kupn", support.steps, up)).max(axis=0)
+    low = expit((SEAT_HEIGHT - above) / SEAT_SPREAD)
+    return share, low / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
 
 
 def _by_height(
