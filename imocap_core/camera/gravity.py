@@ -117,6 +117,7 @@ def heading(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 3 3"]:
 MOMENTS = 40  # of a video that are looked at
 CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one observation
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
+OTHER_OBSERVATIONS = 3.0  # of what carries a body otherwise, which is a guess
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
 ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
 BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos in which feet carry the body, other parts,
@@ -289,7 +290,9 @@ class _Stance:
         others = carried_cost(up, self.support, sight, LEAN_AHEAD)
         hands = hanging_cost(up, self.support, sight, LEAN_AHEAD)
         bench = resting_cost(up, self.support, sight) + plane - RESTING_COST
-        return _mixed(self.count * np.stack([feet, others, hands, bench]), BY_WHAT)
+        count = min(self.count, OTHER_OBSERVATIONS)
+        costs = np.stack([self.count * feet, count * others, count * hands, count * bench])
+        return _mixed(costs, BY_WHAT)
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """The same when the whole motion may lean in depth, which a view shows least: then it tells

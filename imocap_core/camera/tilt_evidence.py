@@ -23,6 +23,7 @@ HAND_SHARE = 0.3  # of a foot's: how readily hands and knees count as support
 SEAT_SHARE = 0.7  # of the weight of who sits
 SEAT_S, SEAT_MOVED_M = 0.5, 0.06  # hips that rise and sink less in this time may rest on a seat
 SEAT_HEIGHT, SEAT_SPREAD = 0.75, 0.05  # if lower than this share of a leg above the lowest limb
+BACK_HEIGHT = 1.0  # of the upper back, which may lean on something
 UNSEEN_M = 0.3  # error of the place of a limb that no video shows
 SWAY_M = 0.06  # standard deviation of the centre of mass about the middle of its support
 LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # errors of the pose as shares of the height: across the
@@ -368,7 +369,7 @@ def _shares(
     lowest = height[:, :LIMBS_OF_STANDING].min(axis=1, keepdims=True)
     above = (height[:, -2:] - lowest) / support.leg_m
     moved = np.abs(np.einsum("npkc,uc->kupn", support.steps, up)).max(axis=0)
-    low = expit((SEAT_HEIGHT - above) / SEAT_SPREAD)
+    low = expit((np.array([[SEAT_HEIGHT], [BACK_HEIGHT]]) - above) / SEAT_SPREAD)
     return share, low / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
 
 
