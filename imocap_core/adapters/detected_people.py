@@ -250,12 +250,15 @@ def followed_video(
     video: Path | None,
     action_file: Path,
     params: KeypointsParams,
+    *,
+    every_shot: bool = False,
 ) -> DetectedVideo:
     """Everybody in a video, followed.
 
     Args:
         folder: the detections; None where the detector passed the video over.
         video: the file, None where there is none.
+        every_shot: follow them through all shots, as for who chooses one.
 
     Raises:
         ValueError: a file or a declaration is wrong, or nobody is in the used frames.
@@ -266,8 +269,10 @@ def followed_video(
     detected = read_people(declared, folder, video, action_file)
     frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
     survey = None if video is None else survey_video(video, frames, size, fps)
-    if survey is not None:
-        inside = longest_shot(survey.cuts, frames, [len(p) for p in detected.people.people])
+    if survey is not None and not every_shot:
+        at = None if declared.person is None else declared.person.frame
+        counts = [len(people) for people in detected.people.people]
+        inside = longest_shot(survey.cuts, frames, counts, at)
         detected, survey = _inside(detected, survey, *inside)
         frames = detected.people.frames
     people = track_people(detected.people, video, params)

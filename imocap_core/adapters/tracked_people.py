@@ -94,16 +94,23 @@ def left_out_videos(
 
 
 def longest_shot(
-    cuts: Sequence[int], frames: Int[np.ndarray, " T"], people: Sequence[int]
+    cuts: Sequence[int],
+    frames: Int[np.ndarray, " T"],
+    people: Sequence[int],
+    declared: int | None = None,
 ) -> tuple[int, int]:
-    """First and one past the last frame of the shot with the most frames that show somebody.
+    """First and one past the last frame of the shot with the most frames that show somebody, or of
+    the one in which somebody is declared.
 
     Args:
         cuts: frames with which a new shot begins. people: how many are detected in each frame.
+        declared: the frame for which action.yaml tells where the performer is.
     """
     edges = [int(frames[0]), *cuts, int(frames[-1]) + 1]
     shown = np.concatenate([[0], np.cumsum(np.array(people) > 0)])
-    return max(pairwise(edges), key=lambda e: shown[e[1] - edges[0]] - shown[e[0] - edges[0]])
+    shots = list(pairwise(edges))
+    holding = [shot for shot in shots if declared is not None and shot[0] <= declared < shot[1]]
+    return max(holding or shots, key=lambda e: shown[e[1] - edges[0]] - shown[e[0] - edges[0]])
 
 
 APPEARANCE_STEP_S = 0.2  # between frames in which appearances are measured

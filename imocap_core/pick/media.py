@@ -437,7 +437,7 @@ def _follow(
 
         video = None if asked.video is None else action.folder / asked.video
         try:
-            followed = followed_video(asked, source, video, action.file, params)
+            followed = followed_video(asked, source, video, action.file, params, every_shot=True)
             document = json.dumps(outlines_of(followed.people), separators=(",", ":"))
         except (ValueError, OSError, MemoryError, ImocapError) as error:
             made.fault = str(error)

@@ -34,6 +34,11 @@ def test_of_two_shots_the_one_that_shows_somebody_for_longer_is_used() -> None:
     assert longest_shot([80], np.arange(10, 110), [0] * 60 + [2] * 40) == (80, 110)
 
 
+def test_the_shot_in_which_somebody_is_declared_is_used() -> None:
+    assert longest_shot([30, 80], np.arange(10, 110), [1] * 100, 85) == (80, 110)
+    assert longest_shot([30, 80], np.arange(10, 110), [1] * 100, 5) == (30, 80)
+
+
 @pytest.mark.parametrize(("first", "stop"), [(0, 39), (0, 25), (1, 40), (2, 39), (0, 40)])
 def test_frames_of_another_shot_are_not_used(tmp_path: Path, first: int, stop: int) -> None:
     rng = np.random.default_rng(0)

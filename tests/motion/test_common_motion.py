@@ -106,7 +106,7 @@ def along_sight(turns_deg: list[float], motion: MotionState, feet: bool = True) 
     shown = [np.ones(FRAMES)] * len(turns_deg)
     timeline = make_timeline([np.arange(float(FRAMES))] * len(shown), shown, FRAMES)
     steady = FitParams(camera_pitch_deg=3.0)
-    views = [replace(o, feet_seen=np.full(FRAMES, feet)) for o in made.observations]
+    views = [replace(o, joints_seen=np.full((FRAMES, 24), feet)) for o in made.observations]
     filmed = Scene(made.body, wide_prior(), views, timeline, shown, 0, steady)
     return balance_along_sight(filmed, motion, made.cameras())
 
