@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.table import Table
 
-from benchmarks.scoring.costs import Cost
+from benchmarks.scoring import Cost
 
 SCALED, PA = "mpjpe_scaled_mm", "pa_mpjpe_mm"
 ALL_JOINTS = "mpjpe_24_mm"
@@ -78,9 +79,22 @@ def missing_sentence(missing: Sequence[str]) -> str:
 
 def markdown_of_rows(rows: Sequence[Any]) -> str:
     """Dataclass instances as a table: a column a field, two decimals."""
-    fields = [asdict(row) for row in rows]
-    cells = [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in f.values()] for f in fields]
-    return markdown_table(list(fields[0]), cells)
+    return markdown_table(list(asdict(rows[0])), _cells(rows))
+
+
+def table_of_rows(rows: Sequence[Any]) -> Table:
+    """The same for the terminal."""
+    table = Table(*asdict(rows[0]), box=None, pad_edge=False)
+    for cells in _cells(rows):
+        table.add_row(*cells)
+    return table
+
+
+def _cells(rows: Sequence[Any]) -> list[list[str]]:
+    return [
+        [f"{v:.2f}" if isinstance(v, float) else str(v) for v in asdict(row).values()]
+        for row in rows
+    ]
 
 
 def write_rows(folder: Path, name: str, rows: Sequence[Any]) -> None:
