@@ -18,7 +18,14 @@ from benchmarks.actions.prepare import action_names, chosen_names, existing_job,
 from benchmarks.motion import score_path
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import ActionDisplay, each, was_interrupted
-from benchmarks.scoring import ActionScore, Cost, cached_score, first_videos, score_action
+from benchmarks.scoring import (
+    ActionScore,
+    Cost,
+    cached_score,
+    cost_sentence,
+    first_videos,
+    score_action,
+)
 from benchmarks.tables import (
     ABSENT,
     CAMERA,
@@ -27,7 +34,6 @@ from benchmarks.tables import (
     SCALED,
     SYNC,
     cell,
-    cost_sentence,
     gap_closed,
     markdown_table,
     mean_and_error,

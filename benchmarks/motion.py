@@ -15,7 +15,7 @@ from benchmarks.actions.captured_videos import AS_GIVEN, DATA, TITLES, Choice
 from benchmarks.actions.prepare import action_names, chosen_names, existing_job, ready_job
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import ActionDisplay, each
-from benchmarks.scoring import RESULTS, ActionScore, cached_score, score_action
+from benchmarks.scoring import RESULTS, ActionScore, cached_score, cost_sentence, score_action
 from benchmarks.tables import (
     ABSENT,
     ALL_JOINTS,
@@ -28,7 +28,6 @@ from benchmarks.tables import (
     SYNC,
     SYNC_MS,
     cell,
-    cost_sentence,
     gap_closed,
     markdown_table,
     mean_and_error,

@@ -20,7 +20,7 @@ from benchmarks.rendered_action import (
     ready_rendered,
     rendered_names,
 )
-from benchmarks.scoring import RESULTS, ActionScore, cached_score, score_action
+from benchmarks.scoring import RESULTS, ActionScore, cached_score, cost_sentence, score_action
 from benchmarks.tables import (
     ALL_JOINTS,
     CAMERA,
@@ -29,7 +29,8 @@ from benchmarks.tables import (
     SCALED,
     SYNC,
     cell,
-    cost_sentence,
+    finite_mean,
+    finite_median,
     gap_closed,
     markdown_table,
     mean_cell,
@@ -191,7 +192,9 @@ def sides_table(films: Sequence[DetectedClip], names: Sequence[str]) -> str:
             [np.linalg.norm(f.error[:, body], axis=-1).ravel() for f in of_side]
         )
         errors = errors[np.isfinite(errors)]
-        swapped = [_mean([swapped_share(f, names, p) for f in of_side]) for p in ("arm", "leg")]
+        swapped = [
+            finite_mean([swapped_share(f, names, p) for f in of_side]) for p in ("arm", "leg")
+        ]
         rows.append(
             [
                 side,
@@ -211,13 +214,13 @@ def proposal(
     body = [errors[k] for k in _body(names)]
     swaps = [swapped_share(film, names, part) for film in films for part in ("arm", "leg")]
     values = [
-        ("noise", float(np.sqrt(_mean([p.spread**2 for p in body]))), 4),
-        ("persistent share (0.5 in the code)", _median([p.persistent for p in body]), 2),
-        ("persistence_s", _median([p.persistence_s for p in body]), 2),
-        ("outlier_rate", _mean([p.outlier_rate for p in body]), 3),
-        ("outlier_noise", _median([p.outlier_size for p in body if p.outlier_size > 0]), 3),
-        ("miss_rate", _mean([p.miss_rate for p in body]), 3),
-        ("swap_rate", _mean(swaps), 3),
+        ("noise", float(np.sqrt(finite_mean([p.spread**2 for p in body]))), 4),
+        ("persistent share (0.5 in the code)", finite_median([p.persistent for p in body]), 2),
+        ("persistence_s", finite_median([p.persistence_s for p in body]), 2),
+        ("outlier_rate", finite_mean([p.outlier_rate for p in body]), 3),
+        ("outlier_noise", finite_median([p.outlier_size for p in body if p.outlier_size > 0]), 3),
+        ("miss_rate", finite_mean([p.miss_rate for p in body]), 3),
+        ("swap_rate", finite_mean(swaps), 3),
         ("bias (root mean square; not modelled)", _bias(body), 4),
     ]
     rows = [[name, cell(value, digits)] for name, value, digits in values]
@@ -240,18 +243,8 @@ def _body(names: Sequence[str]) -> list[int]:
     return [k for k, name in enumerate(names) if name.split("_", 1)[-1] in BODY]
 
 
-def _mean(values: Sequence[float]) -> float:
-    finite = [value for value in values if np.isfinite(value)]
-    return float(np.mean(finite)) if finite else float("nan")
-
-
-def _median(values: Sequence[float]) -> float:
-    finite = [value for value in values if np.isfinite(value)]
-    return float(np.median(finite)) if finite else float("nan")
-
-
 def _bias(body: Sequence[PointErrors]) -> float:
-    return float(np.sqrt(_mean([(p.bias_x**2 + p.bias_y**2) / 2 for p in body])))
+    return float(np.sqrt(finite_mean([(p.bias_x**2 + p.bias_y**2) / 2 for p in body])))
 
 
 # Scores of rendered actions, brought up to date, and their table.

@@ -20,6 +20,7 @@ import numpy as np
 import torch
 
 from benchmarks.parallel import ForwardingDisplay
+from benchmarks.tables import finite_median
 from imocap_core.adapters.joint import problem_of
 from imocap_core.adapters.redetection import with_redetected
 from imocap_core.artifacts.schemas import (
@@ -126,6 +127,15 @@ def peak_gb() -> float:
         return int(next(x for x in lines if x.startswith("VmHWM")).split()[1]) / 2**20
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most / (2**30 if sys.platform == "darwin" else 2**20)
+
+
+def cost_sentence(costs: Sequence[Mapping[str, Cost]]) -> str:
+    """Total time and peak memory of the stages (each counted where it was measured)."""
+    every = [cost for action in costs for cost in action.values()]
+    if not every:
+        return "Time and memory were not measured."
+    seconds, peak = sum(c.seconds for c in every), max(c.peak_gb for c in every)
+    return f"All of it took {seconds:.0f} s when it was made, at most {peak:.1f} GB of memory."
 
 
 # The numbers of one action, and their file.
@@ -418,12 +428,7 @@ def set_errors(done: Mapping[str, Stored]) -> SetErrors:
     """The errors of a run."""
     rows = done[PREDICTED].decode(Uncertainty).leave_one_out
     return SetErrors(
-        100 * _median([row.error_share for row in rows]),
-        _median([row.near_share for row in rows]),
-        100 * _median([row.monocular_error_share for row in rows]),
+        100 * finite_median([row.error_share for row in rows]),
+        finite_median([row.near_share for row in rows]),
+        100 * finite_median([row.monocular_error_share for row in rows]),
     )
-
-
-def _median(values: list[float]) -> float:
-    finite = [value for value in values if np.isfinite(value)]
-    return float(np.median(finite)) if finite else float("nan")

@@ -33,7 +33,16 @@ from benchmarks.stability_variants import (
     make_variant,
     variant_key,
 )
-from benchmarks.tables import CAMERA, DETAILS, PA, SCALED, cell, markdown_table, write_texts
+from benchmarks.tables import (
+    CAMERA,
+    DETAILS,
+    PA,
+    SCALED,
+    cell,
+    finite_mean,
+    markdown_table,
+    write_texts,
+)
 from imocap_core.artifacts.schemas import Camera, Keypoints, RefineSync, SyncSummary
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.truth import Truth
@@ -57,7 +66,7 @@ def pair_errors(
     used = [video.id for video in keypoints.videos if video.id not in apart]
     angles = camera_pair_errors_deg([c for c in cameras if c.id in used], truth)
     frames = sync_pair_errors_frames(used, sync, keypoints, truth)
-    return {CAMERA_PAIRS: _mean(angles), FRAME_PAIRS: _mean(frames)}
+    return {CAMERA_PAIRS: finite_mean(angles), FRAME_PAIRS: finite_mean(frames)}
 
 
 def camera_pair_errors_deg(cameras: Sequence[Camera], truth: Truth) -> list[float]:
@@ -87,11 +96,6 @@ def sync_pair_errors_frames(
         of_pair = sync_errors(matched, phases[a], into, phases[b], end)
         errors.append(sync_error_frames(of_pair))
     return errors
-
-
-def _mean(values: Sequence[float]) -> float:
-    finite = [value for value in values if np.isfinite(value)]
-    return float(np.mean(finite)) if finite else float("nan")
 
 
 # The undisturbed actions of the benchmark, and whether they can be run on this machine.

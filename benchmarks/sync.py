@@ -21,7 +21,7 @@ from benchmarks.names import BenchmarkOptions
 from benchmarks.sync_playback import FACTORS, freeze_frames, slow_motion
 from benchmarks.sync_reliability import reliability
 from benchmarks.sync_scenes import SyncScene, protocol_scene, trial_scene
-from benchmarks.tables import markdown_of_rows, write_rows
+from benchmarks.tables import finite_mean, markdown_of_rows, write_rows
 from benchmarks.tcc import POSES, TccSettings, align_by_tcc
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WrongUse
@@ -175,12 +175,7 @@ def score_maps(
                 mean_confidence,
             ]
         )
-    return SyncScore(*(_mean_of_finite(column) for column in zip(*rows, strict=True)))
-
-
-def _mean_of_finite(values: Sequence[float]) -> float:
-    finite = [v for v in values if np.isfinite(v)]
-    return float(np.mean(finite)) if finite else float("nan")
+    return SyncScore(*(finite_mean(column) for column in zip(*rows, strict=True)))
 
 
 def event_errors_frames(

@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from benchmarks.scoring import Cost
-
 SCALED, PA = "mpjpe_scaled_mm", "pa_mpjpe_mm"
 ALL_JOINTS = "mpjpe_24_mm"
 SYNC, SYNC_MS, MATCHED = "sync_error_pct", "sync_error_ms", "matched_share"
@@ -35,6 +33,18 @@ def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
         return mean, math.nan
     spread = math.sqrt(sum((value - mean) ** 2 for value in values) / (count - 1))
     return mean, spread / math.sqrt(count)
+
+
+def finite_mean(values: Sequence[float]) -> float:
+    """The mean of the finite ones; NaN for none."""
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.mean(finite)) if finite else math.nan
+
+
+def finite_median(values: Sequence[float]) -> float:
+    """The median of the finite ones; NaN for none."""
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.median(finite)) if finite else math.nan
 
 
 def gap_closed(monocular: float | None, reached: float | None, oracle: float | None) -> float:
@@ -61,15 +71,6 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table in Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def cost_sentence(costs: Sequence[Mapping[str, Cost]]) -> str:
-    """Total time and peak memory of the stages (each counted where it was measured)."""
-    every = [cost for action in costs for cost in action.values()]
-    if not every:
-        return "Time and memory were not measured."
-    seconds, peak = sum(c.seconds for c in every), max(c.peak_gb for c in every)
-    return f"All of it took {seconds:.0f} s when it was made, at most {peak:.1f} GB of memory."
 
 
 def missing_sentence(missing: Sequence[str]) -> str:
