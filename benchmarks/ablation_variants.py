@@ -8,17 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import scoring
 from benchmarks.actions.captured_videos import DEFAULT_VIDEOS
-from benchmarks.scoring import (
-    LAST,
-    ActionScore,
-    Cost,
-    Meter,
-    read_score,
-    score_key,
-    truth_of,
-    write_score,
-)
 from benchmarks.tcc import POSES, TccSettings, align_by_tcc, pose_clip
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, RefineSync, SyncMap
 from imocap_core.artifacts.schemas.sync_schemas import SyncSummary
@@ -151,29 +142,29 @@ TCC_SEEDS = (0, 1, 2)  # runs differ much: the row is the mean of these
 
 def score_rival(
     kind: str, job: Job, display: Display, score_file: Path, costs: Path
-) -> ActionScore:
+) -> scoring.ActionScore:
     """Synchronise with `kind` (tcc or stretch) to the reference that the default run has chosen."""
-    meter = Meter(display, costs)
-    done = {o.stage: o.stored for o in runner.run(job, meter, job.pipeline.upstream(LAST))}
-    key = score_key(job, done, Path(__file__))
-    before = read_score(score_file)
+    meter = scoring.Meter(display, costs)
+    done = {o.stage: o.stored for o in runner.run(job, meter, job.pipeline.upstream(scoring.LAST))}
+    key = scoring.score_key(job, done, Path(__file__))
+    before = scoring.read_score(score_file)
     if before is not None and before.key == key:
         return before
     keypoints = done["keypoints"].decode(Keypoints)
-    spent: dict[str, Cost] = {}
+    spent: dict[str, scoring.Cost] = {}
     with meter.measuring(kind, spent):
         syncs = _synchronised(kind, job, keypoints, done)
-    truth = truth_of(job, keypoints)
+    truth = scoring.truth_of(job, keypoints)
     rows = [_sync_numbers(sync, done, keypoints, truth) for sync in syncs]
-    score = ActionScore(
+    score = scoring.ActionScore(
         action=job.action.name,
         videos=len(keypoints.videos),
         frames=sum(len(video.frames) for video in keypoints.videos),
         numbers={kind: {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}},
-        costs={kind: Cost(spent[kind].seconds / len(syncs), spent[kind].peak_gb)},
+        costs={kind: scoring.Cost(spent[kind].seconds / len(syncs), spent[kind].peak_gb)},
         key=key,
     )
-    write_score(score, score_file)
+    scoring.write_score(score, score_file)
     return score
 
 
@@ -199,7 +190,7 @@ def stretched(keypoints: Keypoints, reference: str) -> SyncSummary:
 def _synchronised(
     kind: str, job: Job, keypoints: Keypoints, done: dict[str, Stored]
 ) -> list[SyncSummary]:
-    reference = done[LAST].decode(RefineSync).sync.reference
+    reference = done[scoring.LAST].decode(RefineSync).sync.reference
     if kind == "stretch":
         return [stretched(keypoints, reference)]
     return [tcc_sync(keypoints, reference=reference, seed=seed) for seed in TCC_SEEDS]

@@ -12,20 +12,13 @@ from pathlib import Path
 
 from rich.table import Table
 
+from benchmarks import scoring
 from benchmarks.ablation_variants import VARIANTS, Variant, VariantRun, chosen_variants, score_rival
 from benchmarks.actions.captured_videos import DATA, RESAMPLED, TITLES, Choice
 from benchmarks.actions.prepare import action_names, chosen_names, existing_job, ready_job
 from benchmarks.motion import score_path
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import ActionDisplay, each, was_interrupted
-from benchmarks.scoring import (
-    ActionScore,
-    Cost,
-    cached_score,
-    cost_sentence,
-    first_videos,
-    score_action,
-)
 from benchmarks.tables import (
     ABSENT,
     CAMERA,
@@ -50,7 +43,7 @@ DECIDED = 2.0  # standard errors that a mean difference must exceed
 UNITS = {SCALED: ("scaled MPJPE", "mm", 1), PA: ("P-MPJPE", "mm", 1), SYNC: ("sync error", "%", 2)}
 POSE, ALL = (SCALED, PA), (SCALED, PA, SYNC)
 
-VariantScores = Mapping[str, Mapping[str, ActionScore]]  # variant -> action -> score
+VariantScores = Mapping[str, Mapping[str, scoring.ActionScore]]  # variant -> action -> score
 
 
 @dataclass(frozen=True)
@@ -100,7 +93,7 @@ def differences(claim: Claim, metric: str, scores: VariantScores) -> list[float]
     """Error of the worse minus error of the better, for each action that both were scored on."""
     result = {v.name: v.result for v in VARIANTS}
     better, worse = scores.get(claim.better, {}), scores.get(claim.worse, {})
-    compared = first_videos(claim.common) if claim.common else result[claim.better]
+    compared = scoring.first_videos(claim.common) if claim.common else result[claim.better]
     pairs = [
         (worse[a].of(result[claim.worse], metric), better[a].of(compared, metric))
         for a in better
@@ -152,7 +145,7 @@ class Ablations:
     command: str
     data: str
     actions: list[str]
-    scores: Mapping[str, Mapping[str, ActionScore]]
+    scores: Mapping[str, Mapping[str, scoring.ActionScore]]
 
     def values(self, variant: Variant, metric: str) -> list[float]:
         """One number for each action that has it."""
@@ -170,7 +163,7 @@ def markdown(table: Ablations) -> str:
     parts = [
         f"# {table.title}",
         f"Made by `{table.command}`. Data: {table.data}. Means over videos, then actions, ± "
-        f"standard error over actions. {cost_sentence(_all_costs(table))}{_missing(table)}",
+        f"standard error over actions. {scoring.cost_sentence(_all_costs(table))}{_missing(table)}",
         _overview(table),
         DETAILS,
         "docs/metrics.md defines every number.",
@@ -288,7 +281,7 @@ def _by_action(table: Ablations, metric: str, digits: int) -> str:
     return markdown_table(["variant", *table.actions], rows)
 
 
-def _all_costs(table: Ablations) -> list[Mapping[str, Cost]]:
+def _all_costs(table: Ablations) -> list[Mapping[str, scoring.Cost]]:
     """Every artifact's cost once: variants share artifacts, and with them the measured cost."""
     every = [s.costs for scores in table.scores.values() for s in scores.values()]
     once = dict.fromkeys(item for costs in every for item in costs.items())
@@ -309,7 +302,7 @@ def _list(lines: Sequence[str]) -> str:
 
 # Scores of every ablation on a set of actions, brought up to date, and their table.
 
-Scores = dict[str, ActionScore]  # by variant
+Scores = dict[str, scoring.ActionScore]  # by variant
 
 
 def measure(
@@ -378,7 +371,7 @@ def choice_of(base: Choice, run: VariantRun) -> Choice:
 
 def _score(
     display: Display, workspace: Workspace, base: Choice, name: str, variant: Variant
-) -> ActionScore:
+) -> scoring.ActionScore:
     choice = choice_of(base, variant.run)
     folder = choice.folder(workspace.root)
     job = ready_job(workspace, choice, name, variant.run.sets, display)
@@ -386,13 +379,13 @@ def _score(
     if variant.is_rival:
         return score_rival(variant.result, job, display, file, folder / "costs")
     plain = not variant.run.sets and not variant.run.outlier
-    return score_action(job, display, file, folder / "costs", with_oracle=plain)
+    return scoring.score_action(job, display, file, folder / "costs", with_oracle=plain)
 
 
 def _cached(workspace: Workspace, base: Choice, name: str, variants: Sequence[Variant]) -> Scores:
     """The stored numbers that are still valid."""
     valid: Scores = {}
-    by_file: dict[Path, ActionScore | None] = {}
+    by_file: dict[Path, scoring.ActionScore | None] = {}
     for variant in variants:
         choice = choice_of(base, variant.run)
         file = score_path(choice.folder(workspace.root), name, _scores_of(variant))
@@ -401,7 +394,7 @@ def _cached(workspace: Workspace, base: Choice, name: str, variants: Sequence[Va
         if file not in by_file:
             job = existing_job(workspace, choice, name, variant.run.sets)
             code = [Path(__file__).with_name("ablation_variants.py")] if variant.is_rival else []
-            by_file[file] = cached_score(job, file, *code)
+            by_file[file] = scoring.cached_score(job, file, *code)
         score = by_file[file]
         if score is not None:
             valid[variant.name] = score

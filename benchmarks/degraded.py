@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from benchmarks import tables
 from benchmarks.actions.action_folder import ActionVariant, is_made
 from benchmarks.actions.captured_videos import data_folder
 from benchmarks.degraded_footage import FOOTAGES, KINDS, Footage, footage_key, make_footage
@@ -17,16 +18,6 @@ from benchmarks.parallel import ActionDisplay, each
 from benchmarks.rendered_action import check_detector
 from benchmarks.scoring import ActionScore, cached_score, score_action
 from benchmarks.stability import CAMERA_PAIRS, FRAME_PAIRS, VariantScore, variant_score
-from benchmarks.tables import (
-    ABSENT,
-    PA,
-    SCALED,
-    SYNC,
-    cell,
-    markdown_table,
-    missing_sentence,
-    write_texts,
-)
 from imocap_core.artifacts.schemas import Redetect
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.runner import Display, Job
@@ -35,9 +26,9 @@ from imocap_core.workspace import Workspace
 # The table of `imocap benchmark degraded`.
 
 COLUMNS = (
-    (SCALED, 1, "MPJPE, scaled (mm)"),
-    (PA, 1, "P-MPJPE (mm)"),
-    (SYNC, 2, "sync %"),
+    (tables.SCALED, 1, "MPJPE, scaled (mm)"),
+    (tables.PA, 1, "P-MPJPE (mm)"),
+    (tables.SYNC, 2, "sync %"),
     (FRAME_PAIRS, 2, "sync, frames"),
     (CAMERA_PAIRS, 2, "cameras °"),
 )
@@ -68,8 +59,8 @@ def markdown(
         "# The pipeline on degraded footage",
         "Made by `imocap benchmark degraded`. Every action runs at the defaults, from pixels; "
         "numbers are those after the loop: MPJPE and sync % means over the videos, the "
-        "other sync and cameras means over all pairs of videos." + missing_sentence(missing),
-        markdown_table((*head, *more), [_row(score) for score in scores]),
+        "other sync and cameras means over all pairs of videos." + tables.missing_sentence(missing),
+        tables.markdown_table((*head, *more), [_row(score) for score in scores]),
     ]
     if absent:
         parts.append("**Not measured:**\n\n" + "\n".join(f"* {reason}" for reason in absent))
@@ -83,9 +74,9 @@ def _row(score: DegradedScore) -> list[str]:
         score.action,
         f"{result.title}: {result.fault}" if result.fault else result.title,
         score.footage.extent,
-        *(cell(result.of(metric), digits) for metric, digits, _ in COLUMNS),
-        ABSENT if result.fault else _screened(result),
-        *(ABSENT if result.fault else str(count) for count in counts),
+        *(tables.cell(result.of(metric), digits) for metric, digits, _ in COLUMNS),
+        tables.ABSENT if result.fault else _screened(result),
+        *(tables.ABSENT if result.fault else str(count) for count in counts),
     ]
 
 
@@ -164,7 +155,7 @@ def measure(
     tasks = [(name, (variant, sources[variant.action])) for name, variant in chosen.items()]
     for ended in each(one_footage, tasks, jobs, display):
         scores[ended.name] = ended.result or _failed(chosen[ended.name], ended.fault)
-        write_texts(folder, {"table.md": table()})
+        tables.write_texts(folder, {"table.md": table()})
     return table(), folder
 
 

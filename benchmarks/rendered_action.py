@@ -20,14 +20,8 @@ from benchmarks.actions.captured_videos import (
     trial_stance,
     trial_videos,
 )
+from benchmarks.synthetic import films
 from benchmarks.synthetic.captured import CAMERA_PLACEMENTS
-from benchmarks.synthetic.films import (
-    FilmedMotion,
-    film_motion,
-    render_frames,
-    true_points_px,
-    viewed_side,
-)
 from benchmarks.synthetic.retargeting import RetargetedMotion, perform
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.model import pose_from_rotations
@@ -107,9 +101,9 @@ def _write(
     for v, (captured, motion) in enumerate(zip(videos, motions, strict=True)):
         video = f"v{v + 1}"
         report((v + 1) / (len(videos) + 1), f"rendering {video}")
-        filmed = film_motion(motion, shaped, CAMERA_PLACEMENTS[v], size)
+        filmed = films.film_motion(motion, shaped, CAMERA_PLACEMENTS[v], size)
         file = folder / "videos" / f"{video}.mp4"
-        write_h264(file, render_frames(filmed, shaped, v, SEED), captured.fps, crf=CRF)
+        write_h264(file, films.render_frames(filmed, shaped, v, SEED), captured.fps, crf=CRF)
         on_floor = _with_body_joints(captured, filmed)
         truth |= on_floor.truth(video, filmed.K, filmed.R, filmed.t)
         truth |= true_pose(video, filmed.motion, on_floor, shaped, betas)
@@ -140,7 +134,7 @@ def true_pose(
     return {f"{video}/theta": theta, f"{video}/trans": trans, f"{video}/betas": betas}
 
 
-def _with_body_joints(captured: CapturedVideo, filmed: FilmedMotion) -> CapturedVideo:
+def _with_body_joints(captured: CapturedVideo, filmed: films.FilmedMotion) -> CapturedVideo:
     """The video with the rendered body's joints as truth, on the floor of the captured motion."""
     lifted = captured.R_common_from_scene @ np.array([0.0, 0.0, filmed.floor_m])
     return replace(
@@ -152,15 +146,15 @@ def _with_body_joints(captured: CapturedVideo, filmed: FilmedMotion) -> Captured
     )
 
 
-def true_points(filmed: FilmedMotion, shaped: Shaped) -> dict[str, Any]:
+def true_points(filmed: films.FilmedMotion, shaped: Shaped) -> dict[str, Any]:
     """True pixels of the layout's points, the person's height in pixels, and the side of view."""
-    xy_px, depth_m = true_points_px(filmed, shaped, BODY_LAYOUT)
+    xy_px, depth_m = films.true_points_px(filmed, shaped, BODY_LAYOUT)
     return {
         "xy_px": xy_px,
         "height_px": stature_px(shaped, filmed.K[1, 1], depth_m),
         "names": np.array(shaped.model.points(BODY_LAYOUT).names),
         "columns": np.array(shaped.model.points(BODY_LAYOUT).columns),
-        "side": np.array(viewed_side(filmed.joints, filmed.R, filmed.t)),
+        "side": np.array(films.viewed_side(filmed.joints, filmed.R, filmed.t)),
     }
 
 

@@ -50,12 +50,8 @@ from imocap_core.io.readers.estimates import read_joints_npz
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, means_over_videos, pose_rows
 from imocap_core.metrics.sync import true_reference_frame
+from imocap_core.motion.multiview import smpl_ba
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
-from imocap_core.motion.multiview.smpl_ba import (
-    common_then_deviations,
-    recover_motion,
-    shared_shapes,
-)
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams, Params
 from imocap_core.pipeline import runner
@@ -232,10 +228,10 @@ def fit_with_cameras(
     How many metres they are apart tells size as pictures tell proportions, and has its weight.
     """
     if len(scene.observations) == 1:
-        return recover_motion(scene, start, options)
+        return smpl_ba.recover_motion(scene, start, options)
     scene = replace(scene, fit=replace(scene.fit, size_prior=scene.fit.shape_prior))
-    return common_then_deviations(
-        scene, shared_shapes(start, scene.performers), cameras, options, cameras_known=True
+    return smpl_ba.common_then_deviations(
+        scene, smpl_ba.shared_shapes(start, scene.performers), cameras, options, cameras_known=True
     )
 
 

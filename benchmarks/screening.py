@@ -9,18 +9,10 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from benchmarks import screening_casts
 from benchmarks.actions.captured_videos import data_folder, video_rng
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import each
-from benchmarks.screening_casts import (
-    FILMS,
-    MIRRORED_FILMS,
-    STAGE,
-    FittedCast,
-    FittedFilm,
-    fitted_cast,
-    mirrored_performance,
-)
 from benchmarks.tables import markdown_table, write_rows
 from imocap_core.adapters.hypotheses import keypoints_of_joints
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
@@ -46,7 +38,7 @@ CLIPS = (
     *("05_07", "02_08", "13_07", "12_02", "13_08", "05_19", "13_10", "06_12", "02_04", "05_05"),
     *("05_03", "06_15", "02_09", "05_01", "06_10", "13_01", "13_15", "05_11", "05_06", "11_01"),
 )  # in an order drawn once: every part of it has all kinds
-SCENES_PER_CAST = MIRRORED_FILMS
+SCENES_PER_CAST = screening_casts.MIRRORED_FILMS
 VIDEOS = (3, 9)
 ASYMMETRIC = 0.25  # true margin: walks, jumps and squats have up to 0.18, other actions from 0.28
 TRUE_FILMS = 3  # of a cast, that tell its true margin
@@ -63,11 +55,11 @@ class ScreeningScene:
 
     name: str
     development: bool
-    genuine: list[FittedFilm]
+    genuine: list[screening_casts.FittedFilm]
     replaced: int
-    stranger: FittedFilm
+    stranger: screening_casts.FittedFilm
     flipped: int
-    mirrored: FittedFilm
+    mirrored: screening_casts.FittedFilm
     true_margin: float
 
     @property
@@ -75,16 +67,16 @@ class ScreeningScene:
         """Whether true poses tell the action from its mirror image."""
         return self.true_margin >= ASYMMETRIC
 
-    def with_stranger(self) -> list[FittedFilm]:
+    def with_stranger(self) -> list[screening_casts.FittedFilm]:
         """The videos, one of them replaced by one of another action."""
         return _replaced(self.genuine, self.replaced, self.stranger)
 
-    def with_mirrored(self) -> list[FittedFilm]:
+    def with_mirrored(self) -> list[screening_casts.FittedFilm]:
         """The videos, one of them mirrored."""
         return _replaced(self.genuine, self.flipped, self.mirrored)
 
 
-def scenes_of(casts: Sequence[FittedCast]) -> list[ScreeningScene]:
+def scenes_of(casts: Sequence[screening_casts.FittedCast]) -> list[ScreeningScene]:
     """Two scenes of every cast; every second cast is for development."""
     scenes = []
     for number, cast in enumerate(casts):
@@ -102,27 +94,27 @@ def are_strangers(clip: str, other: str) -> bool:
     return not of_one_subject and not (clip in WALKS and other in WALKS)
 
 
-def true_mirror_margin(cast: FittedCast) -> float:
+def true_mirror_margin(cast: screening_casts.FittedCast) -> float:
     """Margin of true poses against their mirror images, the weakest kind of evidence."""
     joints = [film.true_joints_m for film in cast.films[:TRUE_FILMS]]
     fps = [film.keypoints.fps for film in cast.films[:TRUE_FILMS]]
     thin, weights, rates = thinned(joints, [np.ones(x.shape[:2]) for x in joints], fps)
     plain = WeightedPoses(thin, weights)
-    reflected = WeightedPoses([mirrored_performance(x) for x in thin], weights)
+    reflected = WeightedPoses([screening_casts.mirrored_performance(x) for x in thin], weights)
     evidence = agreed(mirror_kinds(plain, reflected, rates, MAX_RATE))
     return float(evidence[~np.eye(len(evidence), dtype=bool)].mean())
 
 
 def _scene(
-    cast: FittedCast,
+    cast: screening_casts.FittedCast,
     variant: int,
-    strangers: Sequence[FittedCast],
+    strangers: Sequence[screening_casts.FittedCast],
     rng: np.random.Generator,
     margin: float,
     development: bool,
 ) -> ScreeningScene:
     count = int(rng.integers(VIDEOS[0], VIDEOS[1] + 1))
-    rest = [v for v in range(FILMS) if v != variant]
+    rest = [v for v in range(screening_casts.FILMS) if v != variant]
     videos = [variant, *rng.choice(rest, count - 1, replace=False).tolist()]
     order = rng.permutation(count)
     chosen = [videos[k] for k in order]
@@ -139,7 +131,9 @@ def _scene(
     )
 
 
-def _replaced(films: Sequence[FittedFilm], place: int, film: FittedFilm) -> list[FittedFilm]:
+def _replaced(
+    films: Sequence[screening_casts.FittedFilm], place: int, film: screening_casts.FittedFilm
+) -> list[screening_casts.FittedFilm]:
     return [film if v == place else genuine for v, genuine in enumerate(films)]
 
 
@@ -193,7 +187,7 @@ def measure(scene: ScreeningScene, params: SyncParams) -> SceneRow:
     )
 
 
-def screening_of(films: Sequence[FittedFilm], params: SyncParams) -> Screening:
+def screening_of(films: Sequence[screening_casts.FittedFilm], params: SyncParams) -> Screening:
     """The screening of videos, as the synchronisation does it."""
     detected = [(film.keypoints.confidence > 0).max(axis=1).astype(float) for film in films]
     evidence = SyncEvidence(
@@ -296,10 +290,10 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
 
 def fit_clip(
     display: Display, data: Path, clip: str, params: Params, script: Path, cache: Path
-) -> FittedCast:
+) -> screening_casts.FittedCast:
     """One clip's cast."""
     display.progress(0.0, f"monocular fits of {clip}")
-    return fitted_cast(data, clip, DETECTOR, params, script, cache)
+    return screening_casts.fitted_cast(data, clip, DETECTOR, params, script, cache)
 
 
 def screen_scene(display: Display, scene: ScreeningScene, params: SyncParams) -> SceneRow:
@@ -310,10 +304,10 @@ def screen_scene(display: Display, scene: ScreeningScene, params: SyncParams) ->
 
 def _casts(
     options: BenchmarkOptions, workspace: Workspace, folder: Path, display: Display
-) -> list[FittedCast]:
+) -> list[screening_casts.FittedCast]:
     data = data_folder(workspace.root, "train") / "cmu_train.npz"
     pipeline, cache = workspace.pipeline(), folder / "fits"
-    params, script = pipeline.params, pipeline.script(STAGE)
+    params, script = pipeline.params, pipeline.script(screening_casts.STAGE)
     clips = [clip for clip in CLIPS if not options.only or clip in options.only]
     tasks = [(clip, (data, clip, params, script, cache)) for clip in clips]
     casts = {}

@@ -24,13 +24,7 @@ from torch import Tensor
 from imocap_core.body import load_free_body
 from imocap_core.motion.gauss_newton import Solution, gauss_newton, objective
 from imocap_core.motion.monocular.fit import regularisers
-from imocap_core.motion.multiview.common_motion import (
-    ROBUST_STAGES,
-    CommonViews,
-    Unknowns,
-    common_problem,
-    with_initial_offsets,
-)
+from imocap_core.motion.multiview import common_motion
 from imocap_core.motion.multiview.low_rank import consensus_motion
 from imocap_core.motion.multiview.scene import Scene, cameras_from_motion
 from imocap_core.motion.multiview.smpl_ba import shared_shapes
@@ -448,12 +442,14 @@ def first_common_problem(
     scene, state = made.scene, shared_shapes(made.start, made.scene.performers)
     K = scene.K.to(state.trans)
     cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
-    keypoints = with_initial_offsets(scene, options) if rigid_offsets else scene.keypoints
+    keypoints = (
+        common_motion.with_initial_offsets(scene, options) if rigid_offsets else scene.keypoints
+    )
     motion = consensus_motion(scene, state, cameras, options.agreement_rad)
     free = [v for v in range(len(scene.observations)) if v != scene.reference]
-    scale = scene.fit.robust_scale_sigma * ROBUST_STAGES[0]
-    views = CommonViews(scene.body, keypoints, cameras, scale)
-    image, start = common_problem(views, motion, Unknowns(free))
+    scale = scene.fit.robust_scale_sigma * common_motion.ROBUST_STAGES[0]
+    views = common_motion.CommonViews(scene.body, keypoints, cameras, scale)
+    image, start = common_motion.common_problem(views, motion, common_motion.Unknowns(free))
     return [*image, *regularisers(scene.body, scene.prior, scene.fit, scene.fps)], start
 
 

@@ -19,20 +19,10 @@ from jaxtyping import Float
 from rich.table import Table
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from benchmarks import speed_rivals
 from benchmarks.cost_action import ActionSize, make_sized_action
 from benchmarks.names import BenchmarkOptions
 from benchmarks.solver_race import NEWTON, RaceRow, made_scene, one_core, race
-from benchmarks.speed_rivals import (
-    LAYOUT,
-    Race,
-    automatic_jacobian,
-    ceres_solve,
-    dtw_by_loops,
-    motion_alone,
-    motion_race,
-    procrustes_by_svd,
-    scipy_solve,
-)
 from benchmarks.sync import VIDEOS, made_poses
 from benchmarks.tables import ABSENT, DETAILS, cell, markdown_table, write_rows, write_texts
 from imocap_core.body import keypoints_with_jacobian, load_free_body
@@ -143,7 +133,9 @@ def affinity() -> list[RatioRow]:
         first, second = made_poses(VIDEOS * frames, np.random.default_rng(frames))[:2]
         ones = np.ones(first.shape[:2])
         ours = partial(procrustes_distances, first, second, ones, ones)
-        entrants.append(Entrants(frames, ours, partial(procrustes_by_svd, first, second)))
+        entrants.append(
+            Entrants(frames, ours, partial(speed_rivals.procrustes_by_svd, first, second))
+        )
     return contest("affinity", "NumPy's SVD, pair by pair", "frames each", entrants, SECONDS)
 
 
@@ -161,7 +153,7 @@ def cycle_consistency(params: SyncParams) -> list[RatioRow]:
 def time_warping() -> list[RatioRow]:
     """The cheapest path: by loops in Python, and by dtaidistance's C where that is installed."""
     series = {n: np.random.default_rng(n).normal(size=(2, n)).cumsum(axis=1) for n in DTW_FRAMES}
-    rivals: dict[str, Callable[[Any, Any], object]] = {"loops in Python": dtw_by_loops}
+    rivals: dict[str, Callable[[Any, Any], object]] = {"loops in Python": speed_rivals.dtw_by_loops}
     if find_spec("dtaidistance") is not None:
         rivals["dtaidistance (C)"] = import_module("dtaidistance.dtw").warping_path_fast
     return [
@@ -180,8 +172,8 @@ def time_warping() -> list[RatioRow]:
 def body_jacobian() -> list[RatioRow]:
     """Keypoints and their derivatives by pose and shape, float64, one thread."""
     model = load_free_body(dtype=torch.float64)
-    points = model.points(LAYOUT)
-    automatic = automatic_jacobian(model, points)
+    points = model.points(speed_rivals.LAYOUT)
+    automatic = speed_rivals.automatic_jacobian(model, points)
     entrants = []
     for bodies in BODIES:
         rng = np.random.default_rng(bodies)
@@ -211,15 +203,17 @@ def solver(fit: FitParams, motion: MotionParams, seed: int) -> list[RatioRow]:
 
 def motion_alone_solvers(fit: FitParams, motion: MotionParams, seed: int) -> list[RatioRow]:
     """One motion with known cameras and shape: Gauss-Newton and general least-squares solvers."""
-    rivals: dict[str, Race] = {"SciPy's least_squares": scipy_solve}
+    rivals: dict[str, speed_rivals.Race] = {"SciPy's least_squares": speed_rivals.scipy_solve}
     if find_spec("pyceres") is not None:
-        rivals["Ceres, without its residuals' time"] = ceres_solve
-    problems = {n: motion_alone(made_scene(VIEWS, n, fit, seed), motion) for n in SOLVED_FRAMES}
+        rivals["Ceres, without its residuals' time"] = speed_rivals.ceres_solve
+    problems = {
+        n: speed_rivals.motion_alone(made_scene(VIEWS, n, fit, seed), motion) for n in SOLVED_FRAMES
+    }
     rows = []
     for name, rival in rivals.items():
         raced = []
         for frames, problem in problems.items():
-            seconds, watch = motion_race(problem, rival, MOST_TIMES)
+            seconds, watch = speed_rivals.motion_race(problem, rival, MOST_TIMES)
             ours, theirs = 1e3 * seconds, 1e3 * watch.ended_s
             size, stopped = f"{VIEWS} x {frames} frames", not watch.reached
             raced.append(

@@ -17,17 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import coo_matrix, csr_matrix
 from torch import Tensor
 
-from benchmarks.solver_race import (
-    NEWTON,
-    NEWTON_STEPS,
-    NEWTON_TOLERANCE,
-    TARGET,
-    MadeScene,
-    RaceOver,
-    first_common_problem,
-    newton,
-    timed,
-)
+from benchmarks import solver_race
 from imocap_core.body import Model, PointSet
 from imocap_core.motion.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
@@ -207,11 +197,11 @@ class MotionAlone:
         return [torch.cat([image, prior]), joints.repeat(1, 2), path.repeat(1, 3)]
 
 
-def motion_alone(made: MadeScene, options: MotionParams) -> MotionAlone:
+def motion_alone(made: solver_race.MadeScene, options: MotionParams) -> MotionAlone:
     """The motion of a made scene's first common fit from where that fit starts, with the cameras
     and the shape that it ends with."""
-    terms, start = first_common_problem(made, options, rigid_offsets=False)
-    whole = newton(terms, start).state
+    terms, start = solver_race.first_common_problem(made, options, rigid_offsets=False)
+    whole = solver_race.newton(terms, start).state
     (prior,) = (term for term in terms if isinstance(term, PosePriorTerm))
     (pose,) = (term for term in terms if isinstance(term, PoseSmoothness))
     (path,) = (term for term in terms if isinstance(term, PathSmoothness))
@@ -328,14 +318,14 @@ def scipy_solve(problem: MotionAlone, watch: Stopwatch) -> None:
     def residuals(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
         u = np.concatenate([r.numpy().ravel() for r, _ in problem.rows(x)])
         if watch.is_over(float(u @ u)):
-            raise RaceOver
+            raise solver_race.RaceOver
         return u
 
     def jacobian(x: Float[np.ndarray, " n"]) -> csr_matrix:
         return pattern.matrix([J.numpy() for _, J in problem.rows(x)])
 
     start = np.zeros(problem.frames * FRAME_UNKNOWNS)
-    with suppress(RaceOver):
+    with suppress(solver_race.RaceOver):
         least_squares(
             residuals, start, jacobian, method="trf", tr_solver="lsmr", x_scale="jac",
             ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=MANY_STEPS,
@@ -427,22 +417,26 @@ def ceres_solve(problem: MotionAlone, watch: Stopwatch) -> None:
 
 def gauss_newton_s(problem: MotionAlone, target: float) -> float:
     """Processor time of ours until the target."""
-    return timed(
-        "", NEWTON, gauss_newton_alone, problem.terms, problem.start, target, np.inf
+    return solver_race.timed(
+        "", solver_race.NEWTON, gauss_newton_alone, problem.terms, problem.start, target, np.inf
     ).seconds
 
 
 def gauss_newton_alone(terms: Sequence[Term], start: MotionState) -> Solution:
     """Gauss-Newton until it has converged, the shape held."""
     return gauss_newton(
-        terms, start, max_steps=NEWTON_STEPS, relative_tolerance=NEWTON_TOLERANCE, free_shape=False
+        terms,
+        start,
+        max_steps=solver_race.NEWTON_STEPS,
+        relative_tolerance=solver_race.NEWTON_TOLERANCE,
+        free_shape=False,
     )
 
 
 def motion_race(problem: MotionAlone, rival: Race, most_times: float) -> tuple[float, Stopwatch]:
     """Our time until an objective that is 0.1 % above our lowest, the median of before and after,
     and the rival's; it is stopped at ``most_times`` of ours."""
-    target = TARGET * gauss_newton_alone(problem.terms, problem.start).costs[-1]
+    target = solver_race.TARGET * gauss_newton_alone(problem.terms, problem.start).costs[-1]
     ours = [gauss_newton_s(problem, target) for _ in range(TIMES)]
     watch = Stopwatch(target, most_times * max(ours))
     rival(problem, watch)

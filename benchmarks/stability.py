@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from benchmarks import tables
 from benchmarks.actions.action_folder import ActionVariant, is_made
 from benchmarks.actions.captured_videos import Choice, data_folder
 from benchmarks.actions.prepare import existing_job, ready_job
@@ -32,16 +33,6 @@ from benchmarks.stability_variants import (
     Perturbation,
     make_variant,
     variant_key,
-)
-from benchmarks.tables import (
-    CAMERA,
-    DETAILS,
-    PA,
-    SCALED,
-    cell,
-    finite_mean,
-    markdown_table,
-    write_texts,
 )
 from imocap_core.artifacts.schemas import Camera, Keypoints, RefineSync, SyncSummary
 from imocap_core.errors import WorkFailed, WrongUse
@@ -66,7 +57,7 @@ def pair_errors(
     used = [video.id for video in keypoints.videos if video.id not in apart]
     angles = camera_pair_errors_deg([c for c in cameras if c.id in used], truth)
     frames = sync_pair_errors_frames(used, sync, keypoints, truth)
-    return {CAMERA_PAIRS: finite_mean(angles), FRAME_PAIRS: finite_mean(frames)}
+    return {CAMERA_PAIRS: tables.finite_mean(angles), FRAME_PAIRS: tables.finite_mean(frames)}
 
 
 def camera_pair_errors_deg(cameras: Sequence[Camera], truth: Truth) -> list[float]:
@@ -164,11 +155,11 @@ def _trials(name: str) -> Choice:
 MPJPE, FRAMES = "mpjpe_mm", "sync_error_frames"
 COLUMNS = (
     (MPJPE, 1, "MPJPE (mm)"),
-    (SCALED, 1, "scaled"),
-    (PA, 1, "P-MPJPE"),
+    (tables.SCALED, 1, "scaled"),
+    (tables.PA, 1, "P-MPJPE"),
     (CAMERA_PAIRS, 2, "cameras °"),
     (FRAME_PAIRS, 2, "sync, frames"),
-    (CAMERA, 2, "cameras to the reference °"),
+    (tables.CAMERA, 2, "cameras to the reference °"),
     (FRAMES, 2, "sync to the reference, frames"),
 )
 LIMIT_PCT, LIMIT_DEG, LIMIT_FRAMES = 10.0, 1.0, 0.2
@@ -266,7 +257,7 @@ def markdown(actions: Sequence[ActionStability]) -> str:
     if missing:
         lines = [f"* {action.name}: {action.not_measured}" for action in missing]
         parts.append("**Not measured:**\n\n" + "\n".join(lines))
-    parts.append(DETAILS)
+    parts.append(tables.DETAILS)
     for action in measured:
         parts += [f"## {action.name}", _variants(action.scores)]
     return "\n\n".join(parts) + "\n"
@@ -281,15 +272,15 @@ def _movements(actions: Sequence[ActionStability]) -> str:
             [
                 action.name,
                 str(len(action.scores)),
-                *(cell(value, 1) for value in values),
-                cell(moved.camera_deg, 2),
-                cell(moved.sync_frames, 2),
+                *(tables.cell(value, 1) for value in values),
+                tables.cell(moved.camera_deg, 2),
+                tables.cell(moved.sync_frames, 2),
                 str(moved.screening_differs),
                 "no: " + ", ".join(moved.broken_limits) if moved.broken_limits else "yes",
             ]
         )
     head = ["action", "runs", "undisturbed (mm)", "median", "worst", "over the median %"]
-    return markdown_table(
+    return tables.markdown_table(
         [*head, "cameras °", "sync, frames", "other videos excluded or mirrored", "stable"], rows
     )
 
@@ -298,7 +289,7 @@ def _variants(scores: Sequence[VariantScore]) -> str:
     rows = [
         [
             f"{score.title}: {score.fault}" if score.fault else score.title,
-            *(cell(score.of(metric), digits) for metric, digits, _ in COLUMNS),
+            *(tables.cell(score.of(metric), digits) for metric, digits, _ in COLUMNS),
             score.reference,
             ", ".join(score.excluded) or "none",
             ", ".join(score.mirrored) or "none",
@@ -306,7 +297,7 @@ def _variants(scores: Sequence[VariantScore]) -> str:
         for score in scores
     ]
     head = ["perturbation", *(heading for *_, heading in COLUMNS)]
-    return markdown_table([*head, "reference", "excluded", "mirrored"], rows)
+    return tables.markdown_table([*head, "reference", "excluded", "mirrored"], rows)
 
 
 def _farthest(scores: Sequence[VariantScore], metric: str) -> float:
@@ -378,7 +369,7 @@ def measure(
         title = variant.perturbation.title
         score = ended.result or VariantScore(title, {}, fault=ended.fault)
         actions[variant.action].scores.append(score)
-        write_texts(folder, {"table.md": markdown(_in_order(actions))})
+        tables.write_texts(folder, {"table.md": markdown(_in_order(actions))})
     return markdown(_in_order(actions)), folder
 
 

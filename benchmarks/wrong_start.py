@@ -8,27 +8,12 @@ from pathlib import Path
 
 from rich.table import Table
 
+from benchmarks import rendered_action, tables
 from benchmarks.actions.captured_videos import DEFAULT_VIDEOS, Choice, video_rng
 from benchmarks.actions.prepare import chosen_names, ready_job
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import ActionDisplay, each
-from benchmarks.rendered_action import (
-    RENDERED,
-    RenderedChoice,
-    check_detector,
-    is_rendered,
-    ready_rendered,
-    trial_of,
-)
 from benchmarks.scoring import truth_of
-from benchmarks.tables import (
-    DETAILS,
-    markdown_table,
-    missing_sentence,
-    table_of_rows,
-    write_rows,
-    write_texts,
-)
 from benchmarks.wrong_start_cases import (
     HypothesisRow,
     WrongStart,
@@ -64,16 +49,16 @@ def markdown(
 ) -> str:
     """The whole report; missing: actions that were to be run and are not in it."""
     if not rows:
-        return missing_sentence(missing).strip() + "\n"
+        return tables.missing_sentence(missing).strip() + "\n"
     parts = []
     for title, of_pixels in TITLES:
-        part = [row for row in rows if is_rendered(row.action) == of_pixels]
+        part = [row for row in rows if rendered_action.is_rendered(row.action) == of_pixels]
         if part:
-            among = [row for row in motions if is_rendered(row.action) == of_pixels]
+            among = [row for row in motions if rendered_action.is_rendered(row.action) == of_pixels]
             parts.append(f"{_summary(title, part)}; {hypothesis_summary(among)}.")
     if missing:
-        parts.append(missing_sentence(missing).strip())
-    return "\n\n".join([*parts, DETAILS, _results(rows)]) + "\n"
+        parts.append(tables.missing_sentence(missing).strip())
+    return "\n\n".join([*parts, tables.DETAILS, _results(rows)]) + "\n"
 
 
 def _summary(title: str, rows: Sequence[WrongStartRow]) -> str:
@@ -101,7 +86,7 @@ def _results(rows: Sequence[WrongStartRow]) -> str:
     ]
     head = ["action", "views", "started wrong", "monocular (mm)", "wrong", "after the loop"]
     head += ["all views undisturbed", "all views", "change %", "excluded", "flipped", "recovered"]
-    return markdown_table(head, body)
+    return tables.markdown_table(head, body)
 
 
 # Every action of trials and rendered, as it is and with one or two views started wrong.
@@ -162,7 +147,7 @@ def measured_action(
 def names_of(root: Path, choice: Choice) -> list[str]:
     """The actions to run, those of trials and the same rendered; WrongUse for an unknown one."""
     every = chosen_names(root, replace(choice, only=()))
-    every += [name + RENDERED for name in every]
+    every += [name + rendered_action.RENDERED for name in every]
     unknown = [name for name in choice.only if name not in every]
     if unknown:
         raise WrongUse(f"--only {unknown[0]}: expected one of {', '.join(every)}")
@@ -171,11 +156,13 @@ def names_of(root: Path, choice: Choice) -> list[str]:
 
 def undisturbed_job(workspace: Workspace, choice: Choice, name: str, display: Display) -> Job:
     """A job of an action, which is made first; WorkFailed when the detector it needs is missing."""
-    if not is_rendered(name):
+    if not rendered_action.is_rendered(name):
         return ready_job(workspace, choice, name, (), display)
-    check_detector(workspace.root)
-    rendered = RenderedChoice(min(choice.videos, DEFAULT_VIDEOS))
-    return ready_rendered(workspace.root, rendered, trial_of(name), ActionDisplay(display, name))
+    rendered_action.check_detector(workspace.root)
+    rendered = rendered_action.RenderedChoice(min(choice.videos, DEFAULT_VIDEOS))
+    return rendered_action.ready_rendered(
+        workspace.root, rendered, rendered_action.trial_of(name), ActionDisplay(display, name)
+    )
 
 
 def drawn_views(
@@ -316,9 +303,9 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         rows = [row for action in ordered for row in action.results]
         motions = [row for action in ordered for row in action.hypotheses]
         text = markdown(rows, motions, [name for name in names if name not in done])
-        write_rows(folder, "results", rows)
-        write_rows(folder, "motions", motions)
-        write_texts(folder, {"table.md": text})
+        tables.write_rows(folder, "results", rows)
+        tables.write_rows(folder, "motions", motions)
+        tables.write_texts(folder, {"table.md": text})
     if not done:
         raise WorkFailed("\n".join(faults))
-    return [text, table_of_rows(motions), *faults, f"Written to {folder}"]
+    return [text, tables.table_of_rows(motions), *faults, f"Written to {folder}"]

@@ -28,7 +28,7 @@ BUDGETS = {
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 12,
-    "lines of the tests": 42_589,
+    "lines of the tests": 42_430,
     "words of the documentation": 38_136,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8

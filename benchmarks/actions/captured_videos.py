@@ -11,15 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from benchmarks.synthetic.captured import (
-    CAMERA_PLACEMENTS,
-    FURTHER_PLACEMENTS,
-    SAMPLINGS,
-    AlignedTrial,
-    align_trials,
-    sample_frames,
-    to_scene,
-)
+from benchmarks.synthetic import captured
 from benchmarks.synthetic.captured_skeleton import (
     CapturedSkeleton,
     NeutralStance,
@@ -36,8 +28,8 @@ from imocap_core.synthetic.cameras import CameraPlacement
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
 SEED = 7
-PLACEMENTS = (*CAMERA_PLACEMENTS, *FURTHER_PLACEMENTS)
-DEFAULT_VIDEOS, MAX_VIDEOS = len(CAMERA_PLACEMENTS), len(PLACEMENTS)
+PLACEMENTS = (*captured.CAMERA_PLACEMENTS, *captured.FURTHER_PLACEMENTS)
+DEFAULT_VIDEOS, MAX_VIDEOS = len(captured.CAMERA_PLACEMENTS), len(PLACEMENTS)
 GOLDEN_DEG = 137.508
 
 
@@ -138,7 +130,7 @@ def protocol_videos(file: Path, sampling: str, videos: int) -> list[CapturedVide
         skeleton = stored["joints"].astype(np.float64)
         joints = skeleton[:, stored["common14_idx"]]
         fps = float(stored["fps"])
-    turn, shift = to_scene(joints)
+    turn, shift = captured.to_scene(joints)
     world, placed = (
         turn.apply(x.reshape(-1, 3)).reshape(x.shape) + shift for x in (joints, skeleton)
     )
@@ -148,7 +140,7 @@ def protocol_videos(file: Path, sampling: str, videos: int) -> list[CapturedVide
         CapturedVideo(
             world,
             phase,
-            sample_frames(sampling, len(world), v, video_rng(file.stem, v, 0)),
+            captured.sample_frames(sampling, len(world), v, video_rng(file.stem, v, 0)),
             fps,
             segments=segments,
         )
@@ -175,7 +167,7 @@ def videos_of_performances(files: Sequence[Path], videos: int) -> list[CapturedV
     ]
 
 
-def captured_video(trial: AlignedTrial, fps: float) -> CapturedVideo:
+def captured_video(trial: captured.AlignedTrial, fps: float) -> CapturedVideo:
     """A video of all of an aligned trial."""
     frames = np.arange(len(trial.phase))
     common = trial.R_common_from_scene, trial.t_common
@@ -184,9 +176,9 @@ def captured_video(trial: AlignedTrial, fps: float) -> CapturedVideo:
 
 def _on_stage(
     trials: Sequence[np.ndarray], index: Int[np.ndarray, "14"]
-) -> list[tuple[AlignedTrial, np.ndarray]]:
+) -> list[tuple[captured.AlignedTrial, np.ndarray]]:
     """Aligned trials, each with its whole skeleton on the stage."""
-    aligned = align_trials([t[:, index] for t in trials])
+    aligned = captured.align_trials([t[:, index] for t in trials])
     return [
         (p, trial @ p.R_scene_from_capture.T + p.t_scene)
         for p, trial in zip(aligned, trials, strict=True)
@@ -275,7 +267,7 @@ class Choice:
         for option, value, allowed in (
             ("benchmark", self.name, NAMES),
             ("--detector", self.detector, tuple(DETECTORS)),
-            ("--sampling", self.sampling, SAMPLINGS),
+            ("--sampling", self.sampling, captured.SAMPLINGS),
         ):
             if value not in allowed:
                 raise WrongUse(f"{option}: expected one of {', '.join(allowed)}, got {value!r}")

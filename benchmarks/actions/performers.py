@@ -10,13 +10,8 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from benchmarks.actions import captured_videos
 from benchmarks.actions.action_folder import action_key, make_action
-from benchmarks.actions.captured_videos import (
-    CapturedVideo,
-    captured_video,
-    video_rng,
-    videos_of_performances,
-)
 from benchmarks.synthetic.captured import align_trials, hip_middle
 from imocap_core.body import load_free_body
 from imocap_core.body.model import Model
@@ -95,16 +90,16 @@ def bone_ratios(action: str) -> dict[str, dict[str, float]]:
     mean = bone_lengths_m(model, np.zeros(10))
     ratios = {}
     for number, name in enumerate(PERFORMERS):
-        betas = SHAPE_SD * video_rng(action, number, PURPOSE).standard_normal(10)
+        betas = SHAPE_SD * captured_videos.video_rng(action, number, PURPOSE).standard_normal(10)
         lengths = bone_lengths_m(model, betas)
         ratios[name] = {bone: lengths[bone] / mean[bone] for bone in mean}
     return ratios
 
 
-def performances(files: Sequence[Path], videos: int) -> list[CapturedVideo]:
+def performances(files: Sequence[Path], videos: int) -> list[captured_videos.CapturedVideo]:
     """As many performances of each file, of the first performer's first."""
     ratios = bone_ratios(files[0].stem)
-    captured = videos_of_performances(files, videos)
+    captured = captured_videos.videos_of_performances(files, videos)
     return [
         replace(
             video,
@@ -129,13 +124,13 @@ def ready_performers(
 # Sets of captured takes of one action as actions: each filmed once, by a camera of its own.
 
 
-def takes(file: Path, first: int, count: int) -> list[CapturedVideo]:
+def takes(file: Path, first: int, count: int) -> list[captured_videos.CapturedVideo]:
     """Some takes, in one scene; a take has the same camera and random numbers in every set."""
     with np.load(file) as stored:
         index, fps = stored["common14_idx"], float(stored["fps"])
         trials = range(first, first + count)
         joints = [stored[f"trial_{v:02d}"][:, index].astype(np.float64) for v in trials]
-    videos = [captured_video(trial, fps) for trial in align_trials(joints)]
+    videos = [captured_videos.captured_video(trial, fps) for trial in align_trials(joints)]
     return [replace(video, place=first + v) for v, video in enumerate(videos)]
 
 

@@ -12,13 +12,7 @@ import yaml
 from benchmarks.actions.action_folder import action_key, make_filmed
 from benchmarks.synthetic.moving_yoga import CameraWalk, make_moving_clip, moving_pictures
 from imocap_core.io.video import write_h264
-from imocap_core.pipeline.make_demo import (
-    clip_truth,
-    demo_body,
-    truth_of_action,
-    video_id,
-    write_keypoints,
-)
+from imocap_core.pipeline import make_demo
 from imocap_core.pipeline.source import closure
 from imocap_core.synthetic.yoga_clip import LAYOUT
 
@@ -43,16 +37,18 @@ def make_moving_yoga(folder: Path, seed: int, walks: Mapping[int, CameraWalk]) -
 
 
 def _write(folder: Path, name: str, seed: int, walks: Mapping[int, CameraWalk]) -> None:
-    shaped, truth = demo_body(seed), truth_of_action("yoga")
+    shaped, truth = make_demo.demo_body(seed), make_demo.truth_of_action("yoga")
     centres: dict[str, Any] = {}
     declared = []
     for index in range(len(WALKS)):
-        video = video_id(index)
+        video = make_demo.video_id(index)
         clip = make_moving_clip(seed, index, shaped, walks.get(index, TRIPOD), SIZE)
-        write_keypoints(folder / "keypoints" / video, video, clip)
+        make_demo.write_keypoints(folder / "keypoints" / video, video, clip)
         pictures = moving_pictures(clip, seed, index, shaped)
         write_h264(folder / "videos" / f"{video}.mp4", pictures, clip.fps, crf=CRF)
-        truth |= {f"{video}/{part}": value for part, value in clip_truth(clip, shaped).items()}
+        truth |= {
+            f"{video}/{part}": value for part, value in make_demo.clip_truth(clip, shaped).items()
+        }
         centres[video] = clip.camera.centres
         declared.append(
             {

@@ -16,13 +16,7 @@ from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, intrinsics, project_camera
 from imocap_core.camera.zooming import lens_of
 from imocap_core.render import draw_mesh
-from imocap_core.synthetic.cameras import (
-    YOGA_CAMERAS,
-    CameraPlacement,
-    FilmCamera,
-    look_at,
-    stature_px,
-)
+from imocap_core.synthetic import cameras
 from imocap_core.synthetic.choreography import outfit
 from imocap_core.synthetic.detector import Detections, detect
 from imocap_core.synthetic.rooms import cast_shadow, raycast, room
@@ -53,13 +47,13 @@ class CameraWalk:
 
 
 def walk_camera(
-    view: CameraPlacement,
+    view: cameras.CameraPlacement,
     walk: CameraWalk,
     path: Float[np.ndarray, "T 3"],
     fps: float,
     size: tuple[int, int],
     rng: np.random.Generator,
-) -> FilmCamera:
+) -> cameras.FilmCamera:
     """A camera that walks while it is aimed at a performer whose pelvis moves along a path."""
     frames = len(path)
     middle = np.append(np.median(path[:, :2], axis=0), view.aim_height_m)
@@ -77,12 +71,12 @@ def walk_camera(
     shake = _shake(frames, fps, walk.shake_deg, rng)
     R = np.stack(
         [
-            look_at(c, aim, view.roll_deg + s[2], s[:2])
+            cameras.look_at(c, aim, view.roll_deg + s[2], s[:2])
             for c, aim, s in zip(centre, target, shake, strict=True)
         ]
     )
     t = -np.einsum("tij,tj->ti", R, centre)
-    return FilmCamera(intrinsics(view.focal_per_width * size[0], size), R, t)
+    return cameras.FilmCamera(intrinsics(view.focal_per_width * size[0], size), R, t)
 
 
 def _progress(frames: int, bend: float) -> Float[np.ndarray, " T"]:
@@ -114,7 +108,7 @@ def make_moving_clip(
     """Video `index` of yoga, filmed by a camera that walks."""
     still = make_yoga_clip(seed, index, shaped)
     camera_rng, detector_rng = (np.random.default_rng([seed, 4, index, part]) for part in range(2))
-    view = replace(YOGA_CAMERAS[index], follow=0.75, wander_deg=0.0)
+    view = replace(cameras.YOGA_CAMERAS[index], follow=0.75, wander_deg=0.0)
     camera = walk_camera(view, walk, still.motion.pelvis, still.fps, size, camera_rng)
     posed = shaped.pose(torch.as_tensor(still.R_smpl), torch.as_tensor(still.transl))
     points = shaped.model.points(LAYOUT)
@@ -122,7 +116,7 @@ def make_moving_clip(
         posed.keypoints(points).numpy(), camera.R_cam_from_world, camera.t[:, None]
     )
     xy_px = project_camera(in_camera, camera.K)
-    height_px = stature_px(shaped, camera.K[1, 1], in_camera[..., 2])
+    height_px = cameras.stature_px(shaped, camera.K[1, 1], in_camera[..., 2])
     detections = detect(xy_px, height_px, points.names, still.fps, detector_rng)
     nobody: list[Detections | None] = [None] * len(xy_px)
     return replace(
@@ -139,7 +133,7 @@ def every_frame(clip: DemoClip, stride: int) -> DemoClip:
         transl=clip.transl[::stride],
         R_smpl=clip.R_smpl[::stride],
         joints=clip.joints[::stride],
-        camera=FilmCamera(camera.K, camera.R_cam_from_world[::stride], camera.t[::stride]),
+        camera=cameras.FilmCamera(camera.K, camera.R_cam_from_world[::stride], camera.t[::stride]),
         xy_px=clip.xy_px[::stride],
     )
 

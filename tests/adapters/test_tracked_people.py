@@ -5,14 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imocap_core.adapters import tracked_people
 from imocap_core.adapters.detected_people import tracked_video
-from imocap_core.adapters.tracked_people import (
-    Faults,
-    advice,
-    left_out_videos,
-    of_usable,
-    shot_inside,
-)
 from imocap_core.io.video import write_h264
 from imocap_core.params import KeypointsParams
 from imocap_core.pipeline.action import Declaration
@@ -34,7 +28,7 @@ COUNT = 40
     ],
 )
 def test_the_shot_inside(cuts: list[int], expected: tuple[int, int]) -> None:
-    assert shot_inside(cuts, np.arange(10, 110), 30.0) == expected
+    assert tracked_people.shot_inside(cuts, np.arange(10, 110), 30.0) == expected
 
 
 @pytest.mark.parametrize(("first", "stop"), [(0, 39), (0, 37), (1, 40), (2, 39), (0, 40)])
@@ -66,37 +60,37 @@ def solve(video: str) -> str:
 
 
 def test_the_others_are_solved_in_their_order() -> None:
-    faults: Faults = {}
-    assert of_usable(["v1", "bad", "v2"], solve, faults) == {"v1": "V1", "v2": "V2"}
+    faults: tracked_people.Faults = {}
+    assert tracked_people.of_usable(["v1", "bad", "v2"], solve, faults) == {"v1": "V1", "v2": "V2"}
     assert list(faults) == ["bad"]
-    assert of_usable(["v1"], solve, {}) == {"v1": "V1"}
+    assert tracked_people.of_usable(["v1"], solve, {}) == {"v1": "V1"}
 
 
 @pytest.mark.parametrize("ids", [["bad"], ["bad", "v1"], ["bad1", "bad2", "v1"]])
 def test_too_few_usable_videos_are_one_error_with_every_fault(ids: list[str]) -> None:
     with pytest.raises(ValueError, match=r"videos\.bad") as error:
-        of_usable(ids, solve, {})
+        tracked_people.of_usable(ids, solve, {})
     for video in ids:
         assert (f"videos.{video}.size" in str(error.value)) == video.startswith("bad")
 
 
 def test_reasons_are_one_line_and_name_no_absolute_path() -> None:
-    faults: Faults = {"bad": "/home/me/k/v1/x.json: broken\nin /home/me/k"}
+    faults: tracked_people.Faults = {"bad": "/home/me/k/v1/x.json: broken\nin /home/me/k"}
     names = {Path("/home/me/k"): "k", Path("/home/me/k/v1"): "keypoints of v1"}
-    (video,) = left_out_videos(faults, names) or []
+    (video,) = tracked_people.left_out_videos(faults, names) or []
     assert (video.id, video.reason) == ("bad", "keypoints of v1/x.json: broken; in k")
-    assert left_out_videos({}, names) is None
+    assert tracked_people.left_out_videos({}, names) is None
 
 
 FRAMES = np.arange(10, 100)
 
 
 def test_nothing_is_said_of_one_shot() -> None:
-    assert advice([], FRAMES) == ""
+    assert tracked_people.advice([], FRAMES) == ""
 
 
 def test_the_longest_shot_is_advised() -> None:
-    assert "frame 40: " in advice([40], FRAMES)
-    assert "`frames: [40, 100]`" in advice([40], FRAMES)
-    assert "frames 20, 60: " in advice([20, 60], FRAMES)
-    assert "`frames: [20, 60]`" in advice([20, 60], FRAMES)
+    assert "frame 40: " in tracked_people.advice([40], FRAMES)
+    assert "`frames: [40, 100]`" in tracked_people.advice([40], FRAMES)
+    assert "frames 20, 60: " in tracked_people.advice([20, 60], FRAMES)
+    assert "`frames: [20, 60]`" in tracked_people.advice([20, 60], FRAMES)
