@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from benchmarks.lifter import LifterRow, markdown, write_table
-from imocap_core.adapters import monocular
+from imocap_core.adapters.monocular import (
+    ANY,
+    SingleVideo,
+    fit_single_video,
+    joined,
+    least_cost,
+    lifted_joints,
+    starts,
+    with_sides,
+)
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.schemas import (
     AlternativeMotion,
@@ -38,7 +47,7 @@ def made() -> Made:
 def digests(made: Made, **changes: object) -> tuple[str, str]:
     """What the fit of the first video is made from, with changes of its keypoints."""
     video = made.keypoints.videos[0].model_copy(update=changes)
-    single = monocular.SingleVideo.of(video, made.camera_motion.videos[0], None)
+    single = SingleVideo.of(video, made.camera_motion.videos[0], None)
     return codec.pack(single.keypoints).digest, codec.pack(single.cameras).digest
 
 
@@ -61,37 +70,37 @@ def test_what_is_seen_does(made: Made, field: str) -> None:
 def test_a_short_video_is_fitted_with_its_alternatives_or_alone(made: Made) -> None:
     params, prior = Params(), load_pose_prior()
     options = replace(params.initial_smpl, starts=2, max_steps=2, library_poses=60, lifter="off")
-    single = monocular.SingleVideo.of(made.keypoints.videos[1], made.camera_motion.videos[1], None)
+    single = SingleVideo.of(made.keypoints.videos[1], made.camera_motion.videos[1], None)
 
     def fit(alone: bool) -> InitialSmpl:
         rng = np.random.default_rng(7)
-        return monocular.fit_single_video(single, prior, rng, params.fit, options, alone=alone)
+        return fit_single_video(single, prior, rng, params.fit, options, alone=alone)
 
     alone, beside = fit(True), fit(False)
     assert alone.alternatives == []
     assert 1 <= len(beside.alternatives) <= options.hypotheses - 1
     assert not np.array_equal(alone.videos[0].theta, beside.videos[0].theta)  # it balances
-    assert beside.source == {monocular.ANY: "monocular"}
+    assert beside.source == {ANY: "monocular"}
     assert len(beside.grounds) == 1
     stride = single.stride(options)
     assert stride == 3
     costs = [start.cost for start in beside.starts]
-    assert monocular.least_cost(beside.starts, single.frames, stride) == min(costs) / 3
+    assert least_cost(beside.starts, single.frames, stride) == min(costs) / 3
 
 
 def test_an_actions_result_has_every_fit_under_its_name(made: Made) -> None:
     def fit(v: int) -> InitialSmpl:
-        motion = made.bent[v].model_copy(update={"id": monocular.ANY})
+        motion = made.bent[v].model_copy(update={"id": ANY})
         return InitialSmpl(
             model=made.initial.model,
             model_digest=made.initial.model_digest,
             videos=[motion],
-            source={monocular.ANY: "monocular"},
-            starts=[StartFit(video=monocular.ANY, name="start 1", cost=3.0 + v, chosen=True)],
+            source={ANY: "monocular"},
+            starts=[StartFit(video=ANY, name="start 1", cost=3.0 + v, chosen=True)],
             alternatives=[AlternativeMotion(name="depth", excess_cost=1.0 + v, motion=motion)],
         )
 
-    result = monocular.joined([fit(0), fit(1)], ["v1", "v2"])
+    result = joined([fit(0), fit(1)], ["v1", "v2"])
     assert result.videos == made.bent
     assert result.source == made.initial.source
     assert [(start.video, start.cost) for start in result.starts] == [("v1", 3.0), ("v2", 4.0)]
@@ -119,14 +128,12 @@ def seen(layout: str = "coco17") -> tuple[VideoKeypoints, VideoCameraMotion]:
 
 def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> None:
     video, camera = seen()
-    lifted = monocular.lifted_joints(video, camera)
+    lifted = lifted_joints(video, camera)
     body, prior = Body.of(load_free_body(), "coco17"), load_pose_prior()
     library = make_library(body, prior, np.random.default_rng(0), poses=800, directions=2)
     observation = Observation(video.xy_px, video.confidence, camera.K, 30.0, noise_share=0.01)
     options = InitialSmplParams(starts=1)
-    found = monocular.starts(
-        body, library, observation, None, lifted, lifted.joints[::-1].copy(), options
-    )
+    found = starts(body, library, observation, None, lifted, lifted.joints[::-1].copy(), options)
     assert len(found) == 4  # the lifter's motion and its alternative, the detector's, the library's
     posed = body.model.shape(found[0].trans.new_zeros(1, 10)).pose(found[0].R_local, found[0].trans)
     pair = (
@@ -142,8 +149,8 @@ def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> 
 def test_nobody_and_hands_alone_are_not_lifted() -> None:
     video, camera = seen()
     nobody = camera.model_copy(update={"xy_first_px": np.full_like(camera.xy_first_px, np.nan)})
-    assert monocular.lifted_joints(video, nobody) is None
-    assert monocular.lifted_joints(*seen("left_hand21")) is None
+    assert lifted_joints(video, nobody) is None
+    assert lifted_joints(*seen("left_hand21")) is None
 
 
 def test_the_table_has_a_row_an_action(tmp_path: Path) -> None:
@@ -158,7 +165,7 @@ def test_the_table_has_a_row_an_action(tmp_path: Path) -> None:
 def test_the_answer_looks_like_the_truth(layout: str) -> None:
     """A pose of the prior from its 2D alone: nearer than any unrelated pose (about 200 mm)."""
     video, camera = seen(layout)
-    lifted = monocular.lifted_joints(video, camera)
+    lifted = lifted_joints(video, camera)
     assert 0.02 < float(lifted.sigma_m.mean()) < 0.5
     # in the picture, the lifted joints stand where the detections are
     for name in ("left_wrist", "right_wrist", "left_ankle", "right_ankle"):
@@ -192,7 +199,7 @@ def observation() -> Observation:
 def test_the_stretch_is_swapped_and_its_ends_count_nothing() -> None:
     given, states = observation(), np.zeros(SWAPPED_FRAMES, dtype=int)
     states[FIRST:END] = 3  # above the hips and the legs
-    swapped = monocular.with_sides(given, states, NAMES, REACH)
+    swapped = with_sides(given, states, NAMES, REACH)
     twins = list(mirror_indices(NAMES))
     inside = np.arange(FIRST, END)
     np.testing.assert_array_equal(swapped.xy_px[inside], given.xy_px[inside][:, twins])
@@ -207,6 +214,6 @@ def test_the_stretch_is_swapped_and_its_ends_count_nothing() -> None:
 
 def test_nothing_swapped_changes_nothing() -> None:
     given = observation()
-    same = monocular.with_sides(given, np.zeros(SWAPPED_FRAMES, dtype=int), NAMES, REACH)
+    same = with_sides(given, np.zeros(SWAPPED_FRAMES, dtype=int), NAMES, REACH)
     np.testing.assert_array_equal(same.xy_px, given.xy_px)
     np.testing.assert_array_equal(same.confidence, given.confidence)

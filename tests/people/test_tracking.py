@@ -139,19 +139,23 @@ def test_nobody_is_said():
     assert "nobody" in performer.note
 
 
-def test_a_false_person_now_and_then_takes_nobody_over():
-    """Beside the performer for a few frames, and again much later, nearer."""
-    frames = []
-    for t in range(90):
-        people = [performer_at(t)]
-        if 20 <= t < 24:
-            people.append(performer_at(t) + [60, 0, 0])
-        if t == 60:
-            people.append(performer_at(t) + [15, 0, 0])
-        frames.append(np.stack(people))
-    performer = choose(frames)
+@pytest.mark.parametrize(
+    ("count", "beside", "beside_px", "once", "once_px"),
+    [
+        (90, range(20, 24), 60, 60, 15),  # again much later, nearer
+        # on the other side: both would find a track if the performer's went to the false one
+        (60, range(30, 40), 40, 40, -25),
+    ],
+)
+def test_a_false_person_takes_nobody_over(count, beside, beside_px, once, once_px):
+    """Beside the performer for a few frames, and in one later."""
+    performers = [performer_at(t) for t in range(count)]
+    frames = [[performer] for performer in performers]
+    for t, x in (*((t, beside_px) for t in beside), (once, once_px)):
+        frames[t].append(performers[t] + [x, 0, 0])
+    performer = choose([np.stack(people) for people in frames])
     assert performer.presence == 1.0
-    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(90)]))
+    assert np.allclose(performer.xy_px, np.stack(performers)[..., :2])
 
 
 def test_a_second_detection_of_somebody_takes_nobody_over():
@@ -166,22 +170,6 @@ def test_a_second_detection_of_somebody_takes_nobody_over():
         frames.append(np.stack(people))
     performer = choose(frames)
     assert performer.presence == 1.0
-
-
-def test_a_good_pair_is_not_given_up_for_two_worse_ones():
-    """A false detection beside the performer for some frames is on the other side in one: both
-    detections would find a track if the performer's went to the false one."""
-    frames = []
-    for t in range(60):
-        people = [performer_at(t)]
-        if 30 <= t < 40:
-            people.append(performer_at(t) + [40, 0, 0])
-        if t == 40:
-            people.append(performer_at(t) - [25, 0, 0])
-        frames.append(np.stack(people))
-    performer = choose(frames)
-    assert performer.presence == 1.0
-    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(60)]))
 
 
 SHAPE = np.random.default_rng(0).uniform(-1, 1, (17, 2)) * [25, 60]
