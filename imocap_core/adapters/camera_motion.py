@@ -108,10 +108,10 @@ def followed(
     if path is None:
         why = "its path could not be reconstructed from the background"
         return replace(camera, note=f"{camera.note}; {why}")
-    return with_path(camera, path, background.size)
+    return _with_path(camera, path, background.size)
 
 
-def with_path(
+def _with_path(
     camera: CameraMotionEstimate, path: CameraPath, size: tuple[int, int]
 ) -> CameraMotionEstimate:
     """The camera along its path: keypoints are warped by its rotations."""

@@ -256,7 +256,9 @@ def followed_video(
     frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
     survey = None if video is None else survey_video(video, frames, size, fps)
     if survey is not None:
-        inside = tracked_people.shot_inside(survey.cuts, frames, fps)
+        inside = tracked_people.longest_shot(
+            survey.cuts, frames, [len(p) for p in detected.people.people]
+        )
         detected, survey = _inside(detected, survey, *inside)
         frames = detected.people.frames
     people = tracked_people.track_people(detected.people, video, params)
@@ -289,8 +291,7 @@ def _inside(
         time_s=time_s,
         remarks=(*detected.remarks, remark),
     )
-    cuts = [cut for cut in survey.cuts if first < cut < stop]
-    return detected, VideoSurvey(cuts, survey.damaged[used])
+    return detected, VideoSurvey([], survey.damaged[used])
 
 
 def _spans(numbers: list[int]) -> list[tuple[int, int]]:
@@ -350,11 +351,8 @@ def with_corrected_marks(video: VideoKeypoints) -> VideoKeypoints:
 
 
 def _note_of(video: DetectedVideo, performer: PerformerKeypoints) -> str:
-    """The note on a video's people, on how its file was read, and advice about its cuts."""
-    parts = [performer.note, *video.remarks]
-    if video.survey is not None:
-        parts.append(tracked_people.advice(video.survey.cuts, video.people.frames))
-    return "; ".join(part for part in parts if part)
+    """The note on a video's people, and on how its file was read."""
+    return "; ".join(part for part in (performer.note, *video.remarks) if part)
 
 
 def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoints | None:

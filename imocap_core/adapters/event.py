@@ -52,9 +52,9 @@ def calibrated_round(
     """
     sync, motion = first_sync, first.motion
     names = list(dict.fromkeys(problem.scene.body.keypoints.names))
-    clock = clock_of_participants(problem, sync)
+    clock = _clock_of_participants(problem, sync)
     task, start = _calibration_problem(
-        problem, motion, names, clock, offset_by_sound(problem, sync)
+        problem, motion, names, clock, _offset_by_sound(problem, sync)
     )
     solved = calibrate(task, start, progress)
     rig = solved.rig.with_lengths_of(task.prior.lengths)
@@ -164,7 +164,7 @@ def _stored(
     return EventCameras(cameras=cameras, status=solved.status)
 
 
-def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
+def _clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
     """The clock whose lines the correspondences are."""
     matches, observations = problem.participants.sync(sync), problem.scene.observations
     return clock_of(
@@ -175,7 +175,7 @@ def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
     )
 
 
-def offset_by_sound(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
+def _offset_by_sound(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
     """The participants whose offset to the reference is known by their sound."""
     ids = problem.participants.sync(sync).ids
     if sync.sound_start_s is None:

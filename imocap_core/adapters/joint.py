@@ -237,7 +237,7 @@ def _beyond_reference(sync: SyncSummary, fps: float) -> list[BeyondReference]:
     return beyond
 
 
-def single_video_sync(video: str, frames: int) -> SyncSummary:
+def _single_video_sync(video: str, frames: int) -> SyncSummary:
     """Correspondences of a video with itself."""
     identity = SyncMap(
         id=video, reference_frame=np.arange(frames, dtype=float), confidence=np.ones(frames)
@@ -309,7 +309,7 @@ def _alone(
         Keypoints(videos=[video]),
         CameraMotion(videos=[camera_motion.videos[index]]),
         initial.model_copy(update={"videos": [motions[index]]}),
-        single_video_sync(video.id, len(video.frames)),
+        _single_video_sync(video.id, len(video.frames)),
         fit,
         motion,
         device=device,

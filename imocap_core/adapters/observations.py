@@ -28,6 +28,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layout_names, layouts
+from imocap_core.conventions import SIDES, SMPL_JOINTS
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS
 from imocap_core.motion.monocular.hypotheses import MotionHypothesis
 from imocap_core.motion.multiview import scene
@@ -103,21 +104,30 @@ def observations_of(
                 performer=people.index(video.performer),
                 centre_m=centre,
                 place_sd_m=place_sd,
-                feet_seen=feet_seen(video),
+                joints_seen=joints_seen(video),
             )
         )
     return observations
 
 
-ANKLES = ("left_ankle", "right_ankle")
+OF_LIMBS = {"ankle": ("ankle", "foot"), "knee": ("knee",), "elbow": ("elbow",)} | {
+    "wrist": ("wrist", "hand")
+}
+"""SMPL's joints of a limb's keypoint."""
 SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
 
 
-def feet_seen(video: VideoKeypoints) -> Bool[np.ndarray, " T"]:
-    """Whether an ankle is seen in each frame."""
+def joints_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
+    """Whether each of SMPL's joints is seen in each frame: those of arms and legs by their
+    keypoints, the others always."""
     names = layout_names(video.layout)
-    ankles = [names.index(name) for name in ANKLES if name in names]
-    return np.asarray((video.confidence[:, ankles] >= SEEN).any(axis=1))
+    shown = np.ones((len(video.frames), len(SMPL_JOINTS)), dtype=bool)
+    for limb, parts in OF_LIMBS.items():
+        for side in SIDES:
+            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in parts]
+            if (name := f"{side}_{limb}") in names:
+                shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
+    return shown
 
 
 def performers_of(keypoints: Keypoints) -> list[str | None]:

@@ -76,14 +76,14 @@ def synchronise_motions(
     evidence = replace(evidence, reference=None if reference is None else ids.index(reference))
     screening = None if decided is None else _screening_of(decided)
     result = synchronise(evidence, params, rng, screening)
-    sync = sync_artifact(result, ids, evidence.fps)
+    sync = _sync_artifact(result, ids, evidence.fps)
     if decided is None:
-        return sync.model_copy(update={"notes": [*sync.notes, *freeze_notes(keypoints)]})
+        return sync.model_copy(update={"notes": [*sync.notes, *_freeze_notes(keypoints)]})
     unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
     return sync.model_copy(update=unchanged)
 
 
-def freeze_notes(keypoints: Keypoints) -> list[str]:
+def _freeze_notes(keypoints: Keypoints) -> list[str]:
     """A sentence for every freeze frame of every video."""
     return [
         f"{video.id} shows one picture for {(b - a + 1) / video.fps:.1f} s (frames "
@@ -146,10 +146,10 @@ def synchronise_joints(
         twins=mirror_indices(SMPL_JOINTS),
         reference=None if reference is None else list(ids).index(reference),
     )
-    return sync_artifact(synchronise(evidence, params, rng), ids, fps)
+    return _sync_artifact(synchronise(evidence, params, rng), ids, fps)
 
 
-def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
+def _sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
     """The artifact of a synchronisation; ids, fps: of the videos, in its order."""
     return Sync(
         reference=ids[result.reference],

@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import (
+    ANKLES,
     BALLS,
+    ELBOWS,
     LEAN_AHEAD,
     PART_RADII_M,
     PARTS,
+    WRISTS,
     LevelPrior,
     Support,
     balance_cost,
@@ -27,6 +30,7 @@ from imocap_core.camera.tilt_evidence import (
     plane_cost,
     planted_feet,
     planted_weight,
+    resting_cost,
     support_of,
     trunk_cost,
     weighted_quantile,
@@ -115,9 +119,10 @@ CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one ob
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
 ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
-OTHER_SHARE, HANGING_SHARE = 0.05, 0.01  # of videos in which other parts than feet carry the body
+BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos in which feet carry the body, other parts,
+# hands; feet and a bench
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
-BY_WHAT = (1 - OTHER_SHARE - HANGING_SHARE, OTHER_SHARE, HANGING_SHARE)
+RESTING_COST = 4.2  # of balance alone
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
@@ -130,14 +135,30 @@ CHUNK = 100  # directions evaluated together, so that their arrays stay in the p
 class FilmedBody:
     """One video's body in the axes of the world, and the mean of its camera's rotations.
 
-    joints: SMPL's, metres; frames without all of them are left out. shown: share of the frames in
-    which a foot is seen; what carries a body otherwise is a guess, which tells nothing of up.
+    joints: SMPL's, metres; frames without all of them are left out. shown: how far each is, 0 to 1;
+    None: all are.
     """
 
     joints: Float[np.ndarray, "T 24 3"]
     fps: float
     R_cam_from_world: Float[np.ndarray, "3 3"]
-    shown: float = 1.0
+    shown: Float[np.ndarray, "T 24"] | None = None
+
+    @property
+    def whole(self) -> Bool[np.ndarray, " T"]:
+        """Frames that have all joints."""
+        return np.asarray(np.isfinite(self.joints).all(axis=(1, 2)))
+
+    @property
+    def joints_shown(self) -> Float[np.ndarray, "T 24"]:
+        """`shown`, 1 where it is not given."""
+        return np.ones(self.joints.shape[:2]) if self.shown is None else self.shown
+
+    @property
+    def feet_shown(self) -> float:
+        """Share of the frames in which a foot is seen; what carries a body otherwise is a guess,
+        which tells nothing of up."""
+        return float(self.joints_shown[:, ANKLES].max(axis=1).mean())
 
 
 @dataclass(frozen=True)
@@ -248,11 +269,11 @@ class _Stance:
 
     @classmethod
     def of(cls, body: FilmedBody) -> _Stance | None:
-        whole = np.isfinite(body.joints).all(axis=(1, 2))
-        if not whole.any() or body.shown == 0:
+        whole, shown = body.whole, body.feet_shown
+        if not whole.any() or shown == 0:
             return None
-        count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS) * body.shown
-        support = support_of(body.joints[whole], body.fps, MOMENTS)
+        count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS) * shown
+        support = support_of(body.joints[whole], body.fps, MOMENTS, body.joints_shown[whole])
         stance = cls(support, body.R_cam_from_world, count, np.zeros(len(ROLLS_DEG)))
         roll, pitch = np.meshgrid(ROLLS_DEG, PITCHES_DEG, indexing="ij")
         up = _up_of_angles(roll.ravel(), pitch.ravel()) @ body.R_cam_from_world
@@ -261,13 +282,14 @@ class _Stance:
 
     def if_right(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """As if the pose were right: the body stands on its feet, upright more often than not; or,
-        throughout a video, other parts carry it, and nothing is known of its trunk."""
-        sight = self.R_cam_from_world[2]
-        feet = balance_cost(up, self.support, sight) + plane_cost(up, self.support)
+        throughout a video, other parts or furniture carry it, and nothing is known of its trunk."""
+        sight, plane = self.R_cam_from_world[2], plane_cost(up, self.support)
+        feet = balance_cost(up, self.support, sight) + plane
         feet += TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
         others = carried_cost(up, self.support, sight, LEAN_AHEAD)
         hands = hanging_cost(up, self.support, sight, LEAN_AHEAD)
-        return _mixed(self.count * np.stack([feet, others, hands]), BY_WHAT)
+        bench = resting_cost(up, self.support, sight) + plane - RESTING_COST
+        return _mixed(self.count * np.stack([feet, others, hands, bench]), BY_WHAT)
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """The same when the whole motion may lean in depth, which a view shows least: then it tells
@@ -311,9 +333,11 @@ def _grid(centre: Float[np.ndarray, "3"], reach_deg: float) -> Float[np.ndarray,
 
 
 BALL_ABOVE_SOLE_M = 0.027  # SMPL's foot joint above the sole, in the free body at rest
+HEEL_RADIUS_M = 0.06  # of the heel about the ankle, which is lower where toes point up
 HEIGHT_ROUNDS, HEIGHT_SCALE_M = 5, 0.05
 LEAST_HEIGHT_SD_M = 0.01
 PLANTED_QUANTILE = 0.4  # of slow feet: the others may be held still above the ground
+ARM_PARTS = [k for k, joint in enumerate(PARTS) if joint in WRISTS + ELBOWS]
 FEET_CARRY_M = 0.15  # above the lowest part: higher feet do not tell the floor
 LEAST_SIDEWAYS = 0.1  # length of a camera's horizontal direction below which it looks up or down
 Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -325,10 +349,8 @@ def estimate_ground(bodies: Sequence[FilmedBody], prior: LevelPrior) -> Ground:
     Without a frame that has all joints: up by the cameras, the height unknown (NaN).
     """
     estimate = estimate_up(bodies, prior)
-    whole = [b.joints[np.isfinite(b.joints).all(axis=(1, 2))] for b in bodies]
-    rows = [
-        _standing_on(x, b.fps, estimate.up) for x, b in zip(whole, bodies, strict=True) if len(x)
-    ]
+    whole = [b.joints[b.whole] for b in bodies]
+    rows = [_standing_on(b, estimate.up) for b in bodies if b.whole.any()]
     if not rows:
         return Ground(estimate.up, np.zeros(3), estimate.sd_deg, float("nan"))
     soles, planted = (np.concatenate(parts) for parts in zip(*rows, strict=True))
@@ -381,20 +403,24 @@ def lowest_heights_m(
 
 
 def _standing_on(
-    joints: Float[np.ndarray, "T 24 3"], fps: float, up: Float[np.ndarray, "3"]
+    body: FilmedBody, up: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
-    """Heights of planted soles, and their weights; of the lowest part where no foot is as low."""
+    """Heights of planted soles, and their weights; of the lowest part where no foot is as low, of
+    arms only if they are seen."""
+    joints, shown = body.joints[body.whole], body.joints_shown[body.whole]
     parts = joints[:, PARTS] @ up - PART_RADII_M
+    parts[:, ARM_PARTS] += np.where(shown[:, PARTS][:, ARM_PARTS] > 0, 0.0, np.inf)
     lowest = parts.argmin(axis=1)
-    soles = (joints[:, BALLS] @ up).min(axis=1) - BALL_ABOVE_SOLE_M
-    on_feet = soles < parts.min(axis=1) + FEET_CARRY_M
+    balls, heels = joints[:, BALLS] - BALL_ABOVE_SOLE_M * up, joints[:, ANKLES] - HEEL_RADIUS_M * up
+    soles = np.where((heels @ up < balls @ up)[..., None], heels, balls)
+    on_feet = (soles @ up).min(axis=1) < parts.min(axis=1) + FEET_CARRY_M
     heights, weights = [parts.min(axis=1)[~on_feet]], []
     steps = np.diff(joints[:, PARTS], axis=0, append=joints[-1:, PARTS])
-    speed = fps * np.linalg.norm(steps, axis=-1)
+    speed = body.fps * np.linalg.norm(steps, axis=-1)
     weights.append(planted_weight(speed[np.arange(len(joints)), lowest])[~on_feet])
     if on_feet.any():
-        feet, planted = planted_feet(joints[on_feet], fps)
-        heights.append(feet @ up - BALL_ABOVE_SOLE_M)
+        feet, planted = planted_feet(soles[on_feet], body.fps, shown[on_feet][:, BALLS])
+        heights.append(feet @ up)
         weights.append(planted)
     return np.concatenate(heights), np.concatenate(weights)
 

@@ -23,6 +23,7 @@ HAND_SHARE = 0.3  # of a foot's: how readily hands and knees count as support
 SEAT_SHARE = 0.7  # of the weight of who sits
 SEAT_S, SEAT_MOVED_M = 0.5, 0.06  # hips that rise and sink less in this time may rest on a seat
 SEAT_HEIGHT, SEAT_SPREAD = 0.75, 0.05  # if lower than this share of a leg above the lowest limb
+UNSEEN_M = 0.3  # error of the place of a limb that no video shows
 SWAY_M = 0.06  # standard deviation of the centre of mass about the middle of its support
 LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # errors of the pose as shares of the height: across the
 # camera's line of sight and along it
@@ -32,33 +33,37 @@ HANGING_M = 0.4  # hands above the centre of mass of who hangs
 PLANE_M = 0.08  # deviation of a planted foot's height, with its error of depth
 PLANTED_M_S = 0.2  # speed at which a foot counts a quarter as planted
 LEAST_PLANTED = 0.1  # feet that count less are left out
+UNSEEN_SHARE = 0.01  # weight of an unseen foot: it tells the ground where no other does
 PLANE_QUANTILE = 0.5
 
 PELVIS, NECK = SMPL_JOINTS.index("pelvis"), SMPL_JOINTS.index("neck")
 BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in SIDES]
 ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in SIDES]
-HANDS_AND_KNEES = [
-    SMPL_JOINTS.index(f"{side}_{part}") for part in ("wrist", "knee") for side in SIDES
-]
-HIPS = [SMPL_JOINTS.index(f"{side}_hip") for side in SIDES]
+WRISTS, KNEES, HIPS, SHOULDERS, ELBOWS = (
+    [SMPL_JOINTS.index(f"{side}_{part}") for side in SIDES]
+    for part in ("wrist", "knee", "hip", "shoulder", "elbow")
+)
 LIMB_SHARES = np.concatenate(
     [
         0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]),
-        np.eye(24)[HANDS_AND_KNEES],
-        np.eye(24)[HIPS].mean(axis=0, keepdims=True),
+        np.eye(24)[WRISTS + KNEES + HIPS + SHOULDERS + ELBOWS],
+        np.stack([np.eye(24)[HIPS].mean(axis=0), np.eye(24)[SHOULDERS].mean(axis=0)]),
     ]
 )
-"""(7, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, the seat."""
+"""(14, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, hips, shoulders,
+elbows, the seat, the upper back."""
+LIMB_RADII_M = np.repeat([0.045, 0.05, 0.06, 0.1, 0.08, 0.04], 2)
+"""Depths below the skin of those whose height tells whether they support."""
+LIMBS_OF_STANDING = 6  # feet, wrists, knees: the others carry who lies
 PARTS = [
-    *(BALLS + ANKLES + HANDS_AND_KNEES),
-    *HIPS,
+    *(BALLS + ANKLES + WRISTS + KNEES + HIPS),
     SMPL_JOINTS.index("head"),
-    *(SMPL_JOINTS.index(f"{side}_{part}") for part in ("shoulder", "elbow") for side in SIDES),
+    *(SHOULDERS + ELBOWS),
 ]
 PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
 """Joints of parts that may carry a body which lies, kneels or stands on its hands, and their
 depths below the skin, of the free body."""
-WRISTS = slice(4, 6)
+WRIST_PARTS = slice(4, 6)
 
 
 @dataclass(frozen=True)
@@ -76,28 +81,37 @@ class Support:
 
     Attributes:
         centre: (N, 3) centre of mass; speed_m_s: (N,) its speed.
-        limbs: (N, 7, 3) feet, wrists, knees, the middle of the hips; trunk: (N, 3) unit vectors
-            from pelvis to neck.
-        hips_steps: (N, 2, 3) of that middle, to it and from it, `SEAT_S` each; leg_m: length of a
-            leg.
+        limbs: (N, 14, 3) those of LIMB_SHARES; trunk: (N, 3) unit vectors from
+            pelvis to neck.
+        steps: (N, 2, 2, 3) of the seat and the upper back, to each moment and from it, `SEAT_S`
+            each; leg_m: length of a leg.
         feet: (M, 3) balls of slow feet; planted: (M,) their weights.
         parts: (N, P, 3) those of PARTS; parts_m_s: (N, P) their speeds.
+        limbs_unseen: (N, 14) 1 where it is not, 0 where it is seen.
     """
 
     centre: Float[np.ndarray, "N 3"]
     speed_m_s: Float[np.ndarray, " N"]
-    limbs: Float[np.ndarray, "N 7 3"]
+    limbs: Float[np.ndarray, "N 14 3"]
     trunk: Float[np.ndarray, "N 3"]
-    hips_steps: Float[np.ndarray, "N 2 3"]
+    steps: Float[np.ndarray, "N 2 2 3"]
     leg_m: float
     feet: Float[np.ndarray, "M 3"]
     planted: Float[np.ndarray, " M"]
     parts: Float[np.ndarray, "N P 3"]
     parts_m_s: Float[np.ndarray, "N P"]
+    limbs_unseen: Float[np.ndarray, "N 14"]
 
 
-def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) -> Support:
-    """Support at up to `moments` moments of a motion without gaps."""
+def support_of(
+    joints: Float[np.ndarray, "T 24 3"],
+    fps: float,
+    moments: int,
+    shown: Float[np.ndarray, "T 24"] | None = None,
+) -> Support:
+    """Support at up to `moments` moments of a motion without gaps; shown: how far each joint is, 0
+    to 1; None: all are."""
+    shown = np.ones(joints.shape[:2]) if shown is None else shown
     centre = centre_of_mass(joints)
     parts = joints[:, PARTS]
     step, parts_step = (
@@ -106,46 +120,48 @@ def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) ->
     index = np.unique(np.linspace(0, len(joints) - 1, moments).round().astype(np.int64))
     chosen = joints[index]
     trunk = chosen[:, NECK] - chosen[:, PELVIS]
-    feet, planted = planted_feet(joints, fps)
+    feet, planted = planted_feet(joints[:, BALLS], fps, shown[:, BALLS])
     some = np.unique(np.linspace(0, len(feet) - 1, 2 * moments).round().astype(np.int64))
     return Support(
         centre=centre[index],
         speed_m_s=fps * np.linalg.norm(step[index], axis=-1),
         limbs=np.einsum("sj,njc->nsc", LIMB_SHARES, chosen),
         trunk=trunk / np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9),
-        hips_steps=_steps(joints[:, HIPS].mean(axis=1), round(SEAT_S * fps))[index],
+        steps=_steps(LIMB_SHARES[-2:] @ joints, round(SEAT_S * fps))[index],
         leg_m=_leg_m(joints),
         feet=feet[some],
         planted=planted[some],
         parts=parts[index],
         parts_m_s=fps * np.linalg.norm(parts_step[index], axis=-1),
+        limbs_unseen=1 - shown[index] @ LIMB_SHARES.T,
     )
 
 
-def _steps(place: Float[np.ndarray, "T 3"], frames: int) -> Float[np.ndarray, "T 2 3"]:
-    """Movement of a point over so many frames up to each, and from it on."""
-    index = np.arange(len(place))
-    before, after = (place[np.clip(index + k, 0, len(place) - 1)] for k in (-frames, frames))
-    return np.stack([place - before, after - place], axis=1)
+def _steps(places: Float[np.ndarray, "T 2 3"], frames: int) -> Float[np.ndarray, "T 2 2 3"]:
+    """Movements of points over so many frames up to each, and from it on."""
+    index = np.arange(len(places))
+    before, after = (places[np.clip(index + k, 0, len(places) - 1)] for k in (-frames, frames))
+    return np.stack([places - before, after - places], axis=2)
 
 
 def _leg_m(joints: Float[np.ndarray, "T 24 3"]) -> float:
     """Mean length of thigh and shank together."""
-    knees = joints[:, HANDS_AND_KNEES[2:]]
+    knees = joints[:, KNEES]
     parts = [joints[:, HIPS] - knees, knees - joints[:, ANKLES]]
     return float(sum(np.linalg.norm(part, axis=-1).mean() for part in parts))
 
 
 def planted_feet(
-    joints: Float[np.ndarray, "T 24 3"], fps: float
+    feet: Float[np.ndarray, "T 2 3"], fps: float, shown: Float[np.ndarray, "T 2"]
 ) -> tuple[Float[np.ndarray, "M 3"], Float[np.ndarray, " M"]]:
-    """Places of the balls of slow feet, and weights by their speed; the slowest if none is slow."""
-    feet = joints[:, BALLS]
+    """Places of slow feet, and weights by their speed and by how far they are shown; the slowest if
+    none is slow."""
+    shown = np.maximum(shown, UNSEEN_SHARE)
     if len(feet) == 1:
-        return feet[0], np.ones(len(BALLS))
+        return feet[0], shown[0]
     middle = (0.5 * (feet[1:] + feet[:-1])).reshape(-1, 3)
     speed = fps * np.linalg.norm(feet[1:] - feet[:-1], axis=-1).ravel()
-    weight = planted_weight(speed)
+    weight = planted_weight(speed) * shown[1:].ravel()
     slow = weight >= min(LEAST_PLANTED, weight.max())
     return middle[slow], weight[slow]
 
@@ -195,7 +211,31 @@ def balance_cost(
 
     A density of the centre's place: narrow supports claim more of it than wide ones.
     """
-    squared, determinant = _off_support(up, support, sight, LEAN_AHEAD)
+    return _density_cost(up, support, sight, support_shares(up, support, lying=False))
+
+
+def resting_cost(
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, " U"]:
+    """The same where a bench or a wall carries the seat or the upper back as well."""
+    share, rests = _shares(up, support, LIMBS_OF_STANDING)
+    rest = SEAT_SHARE * rests * share[:, None, : len(BALLS)].sum(axis=2) ** 2
+    rest *= rests.max(axis=1, keepdims=True) / np.maximum(rests.sum(axis=1, keepdims=True), 1e-9)
+    share = np.concatenate([(1 - rest.sum(axis=1))[:, None] * share, rest], axis=1)
+    return _density_cost(up, support, sight, share)
+
+
+def _density_cost(
+    up: Float[np.ndarray, "U 3"],
+    support: Support,
+    sight: Float[np.ndarray, "3"],
+    share: Float[np.ndarray, "U 14 N"],
+) -> Float[np.ndarray, " U"]:
+    """Of the centre of mass over limbs that carry it by their shares; the mean over moments."""
+    unseen = _of_unseen(share, support)
+    squared, determinant = _off_middle(
+        up, support, support.limbs, share, (sight, LEAN_AHEAD), unseen
+    )
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     return np.asarray((cost + np.log(determinant / SWAY_M**4)).mean(axis=1))
 
@@ -232,7 +272,7 @@ def hanging_cost(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
 ) -> Float[np.ndarray, " U"]:
     """The centre of mass is well below the hands, and under them; the mean over moments."""
-    wrists = support.parts[:, WRISTS]
+    wrists = support.parts[:, WRIST_PARTS]
     share = np.full((len(up), wrists.shape[1], len(wrists)), 0.5)
     squared, _ = _off_middle(up, support, wrists, share, (sight, ahead))
     below = (wrists.mean(axis=1) - support.centre) @ up.T
@@ -241,26 +281,19 @@ def hanging_cost(
     return np.asarray(cost.mean(axis=1))
 
 
-def _off_support(
-    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
-) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
-    """`_off_middle` of feet, hands and knees by their heights."""
-    share = support_shares(up, support)
-    return _off_middle(up, support, support.limbs, share, (sight, ahead))
-
-
 def _off_middle(
     up: Float[np.ndarray, "U 3"],
     support: Support,
     points: Float[np.ndarray, "N S 3"],
     share: Float[np.ndarray, "U S N"],
     error: tuple[Float[np.ndarray, "3"], float],
+    variance: float | Float[np.ndarray, "U N"] = 0.0,
 ) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
     """Squared horizontal distance of the centre of mass from the middle of points that carry it, in
     standard deviations, and the determinant of their covariance, m^4.
 
     The distance is compared with the points' extent, the body's sway and the pose's errors: along
-    the line of sight their size is a share of the centre's height.
+    the line of sight their size is a share of the centre's height; variance: of the middle, m^2.
     """
     sight, ahead = error
     axes = np.stack([up, *perpendicular(up)])  # (3, U, 3): up, and two horizontal directions
@@ -271,6 +304,7 @@ def _off_middle(
     height, x, y = axes @ support.centre.T - middle  # (U, N) each
     apart_x, apart_y = placed[1:] - middle[1:, :, None]
     free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
+    free += variance
     along = (ahead**2 - LEAN_ACROSS**2) * height**2
     ahead_x, ahead_y = (axes[1:] @ sight)[..., None]
     weighted_x = share * apart_x
@@ -293,30 +327,49 @@ def weighted_quantile(
 
 
 def support_under(
-    up: Float[np.ndarray, "U 3"], support: Support
+    share: Float[np.ndarray, "U 14 N"], support: Support
 ) -> tuple[Float[np.ndarray, "U N 3"], Float[np.ndarray, "U N 3 3"]]:
-    """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle."""
-    share = support_shares(up, support)
+    """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle;
+    with that of limbs which are unseen. share: of each in the support."""
     middle = np.einsum("usn,nsc->unc", share, support.limbs)
     apart = support.limbs[None] - middle[:, :, None]
-    return middle, 0.5 * np.einsum("usn,unsi,unsj->unij", share, apart, apart)
+    spread = 0.5 * np.einsum("usn,unsi,unsj->unij", share, apart, apart)
+    return middle, spread + _of_unseen(share, support)[..., None, None] * np.eye(3)
 
 
-def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U 7 N"]:
+def _of_unseen(share: Float[np.ndarray, "U S N"], support: Support) -> Float[np.ndarray, "U N"]:
+    """Variance, m^2, that limbs which nobody sees leave to the middle of the support."""
+    return UNSEEN_M**2 * np.einsum("usn,ns->un", share**2, support.limbs_unseen)
+
+
+def support_shares(
+    up: Float[np.ndarray, "U 3"], support: Support, *, lying: bool = True
+) -> Float[np.ndarray, "U 14 N"]:
     """How much each limb and the seat support; their sum is 1.
 
     Limbs count by their height above the lowest one; low hips that neither rise nor sink rest on a
-    seat, whose height nobody knows.
+    seat, whose height nobody knows. Not lying: hips, shoulders and elbows do not count.
     """
+    share, rests = _shares(up, support, len(LIMB_RADII_M) if lying else LIMBS_OF_STANDING)
+    seat = SEAT_SHARE * rests[:, 0] * share[:, : len(BALLS)].sum(axis=1) ** 2
+    return np.concatenate([(1 - seat)[:, None] * share, np.stack([seat, 0 * seat], 1)], axis=1)
+
+
+def _shares(
+    up: Float[np.ndarray, "U 3"], support: Support, count: int
+) -> tuple[Float[np.ndarray, "U 12 N"], Float[np.ndarray, "U 2 N"]]:
+    """Shares of the first limbs by their heights, and how surely seat and upper back rest on
+    something: they are low, and neither rise nor sink."""
     height = np.einsum("nsc,uc->usn", support.limbs, up)
-    limbs, hips = height[:, :-1], height[:, -1]
-    readily = np.where(np.arange(limbs.shape[1]) < len(BALLS), 1.0, HAND_SHARE)
-    share = _by_height(limbs, readily[:, None])
-    above = (hips - limbs.min(axis=1)) / support.leg_m
-    moved = np.abs(np.einsum("nkc,uc->kun", support.hips_steps, up)).max(axis=0)
-    sits = expit((SEAT_HEIGHT - above) / SEAT_SPREAD) / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
-    seat = SEAT_SHARE * sits * share[:, : len(BALLS)].sum(axis=1) ** 2
-    return np.concatenate([(1 - seat)[:, None] * share, seat[:, None]], axis=1)
+    limbs = height[:, :-2] - LIMB_RADII_M[:, None]
+    readily = np.where(np.arange(count) < len(BALLS), 1.0, HAND_SHARE)
+    share = np.zeros(limbs.shape)
+    share[:, :count] = _by_height(limbs[:, :count], readily[:, None])
+    lowest = height[:, :LIMBS_OF_STANDING].min(axis=1, keepdims=True)
+    above = (height[:, -2:] - lowest) / support.leg_m
+    moved = np.abs(np.einsum("npkc,uc->kupn", support.steps, up)).max(axis=0)
+    low = expit((SEAT_HEIGHT - above) / SEAT_SPREAD)
+    return share, low / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
 
 
 def _by_height(

@@ -89,7 +89,7 @@ def pair_page(
     )
 
 
-def technique_page(
+def _technique_page(
     t: compare.Technique,
     angles: compare.TechniqueAngles,
     findings: Sequence[MotionDifference],
@@ -259,7 +259,7 @@ def write_technique(
     videos: by id, for their pictures beside the bodies.
     """
     each, names = t.instances, t.instances.joint_names
-    make_folder(out)
+    _make_folder(out)
     parts.write_course(
         out / "joints.csv", each.phase_s, names,
         {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
@@ -270,7 +270,7 @@ def write_technique(
     )
     angles = compare.technique_angles(t)
     findings, variation = technique_findings(t, angles), compare.variation_of(t, angles.mean)
-    page = technique_page(t, angles, findings, videos or {}, variation)
+    page = _technique_page(t, angles, findings, videos or {}, variation)
     (out / "report.html").write_text(page, encoding="utf-8")
     return [out / x for x in ("report.html", "joints.csv", "performances.csv")]
 
@@ -296,7 +296,7 @@ def _notes(t: compare.Technique, variation: Variation) -> list[str]:
     ]
 
 
-def make_folder(out: Path) -> None:
+def _make_folder(out: Path) -> None:
     """Make the folder; WorkFailed when it cannot be made."""
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -306,7 +306,7 @@ def make_folder(out: Path) -> None:
 
 def write_pair(out: Path, pair: compare.TechniquePair) -> list[Path]:
     """report.html and joints.csv of two performers; the report first."""
-    make_folder(out)
+    _make_folder(out)
     parts.write_course(
         out / "joints.csv", pair.phase_s, pair.first.instances.joint_names,
         {

@@ -71,11 +71,11 @@ def _lost(camera: VideoCameraMotion) -> Finding:
 
 
 def remarks(video: VideoKeypoints) -> list[str]:
-    """The parts of a video's note on cuts, given tracks, swapped sides, a variable rate, and on how
+    """The parts of a video's note on given tracks, swapped sides, a variable rate, and on how
     its file and keypoints were read."""
     parts = video.note.split("; ")
     kinds = (
-        *("a new shot", "track ", "left and right", "the frame rate", "the time stamps"),
+        *("track ", "left and right", "the frame rate", "the time stamps"),
         *("the pixels", "the picture", "the keypoints"),
     )
     return [part for part in parts if part.startswith(kinds)]
@@ -101,9 +101,7 @@ def _of_note(video: VideoKeypoints) -> list[Finding]:
     findings = []
     for part in remarks(video):
         count = re.match(r"left and right .* in (\d+) frames", part)
-        if part.startswith("a new shot"):
-            findings.append(Finding("detection", video.id, part, "several shots in one video"))
-        elif count is None:
+        if count is None:
             findings.append(Finding("remark", video.id, part, part))
         elif int(count[1]) > SWAPPED_SHARE * len(video.frames):
             text = f"the detector swapped left and right of a limb {count[1]} times (undone)"

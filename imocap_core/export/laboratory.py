@@ -52,7 +52,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     shown = np.where(video.inside, 1.0, np.nan)
     joints = MM * video.joints * shown[:, None, None]
     markers = {name: joints[:, j] for j, name in enumerate(video.joint_names)}
-    surface = surface_points_m(video)
+    surface = _surface_points_m(video)
     markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
     angles, about = _angle_points(video, up)
     first = _first_frame(video)
@@ -73,9 +73,9 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     )
 
 
-def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
+def _surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
     """The surface markers of a video's body, metres, world; by name."""
-    vertices = surface_vertices(video)
+    vertices = _surface_vertices(video)
     index = list(vertices.values())
     parts = [
         video.vertices(np.arange(first, min(first + CHUNK, len(video))))[:, index]
@@ -85,7 +85,7 @@ def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
     return {name: points[:, k] for k, name in enumerate(vertices)}
 
 
-def surface_vertices(video: VideoResult) -> dict[str, int]:
+def _surface_vertices(video: VideoResult) -> dict[str, int]:
     """The vertex of every surface marker; the body with fingers has the same surface."""
     model = video_motion.body_model_of(video, hands=False)
     return marker_vertices(
@@ -141,7 +141,7 @@ def _files(out: Path, video: VideoResult) -> list[Path]:
     links = linkage(rest_m)
     mass_kg = _write_model(model, video, links, rest_m)
     joints = {j: video.body_joints[:, SMPL_JOINTS.index(j)] for j in JOINT_MARKERS}
-    paths_mm = {n: MM * to_ground(p) for n, p in (joints | surface_points_m(video)).items()}
+    paths_mm = {n: MM * to_ground(p) for n, p in (joints | _surface_points_m(video)).items()}
     start = round(float(video.frames[0]))
     write_markers(markers, paths_mm, video.fps, start)
     last_s = (len(video) - 1) / video.fps
@@ -168,7 +168,7 @@ def _write_model(
         segment = str(SEGMENT_OF_JOINT[joint])
         markers[joint] = segment, links[segment].local_m(rest_m[SMPL_JOINTS.index(joint)])
     of = surface_markers()
-    for name, vertex in surface_vertices(video).items():
+    for name, vertex in _surface_vertices(video).items():
         side, segment = name.partition("_")[0], of[name].segment
         segment = segment if segment in links else f"{side}_{segment}"
         markers[name] = segment, links[segment].local_m(vertices[vertex])

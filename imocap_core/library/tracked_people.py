@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 from imocap_core.adapters.detected_people import DetectedVideo, followed_video, performer_keypoints
-from imocap_core.adapters.tracked_people import (
-    TrackedVideo,
-    advice,
-    choose_performers,
-    declared_row,
-)
+from imocap_core.adapters.tracked_people import TrackedVideo, choose_performers, declared_row
 from imocap_core.errors import WorkFailed
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
@@ -33,9 +28,7 @@ def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
         raise WorkFailed("\n".join(faults.values()))
     notes = _performer_notes(followed, faults, action, params)
     for video in followed.values():
-        if video.survey is not None:
-            sentence = advice(video.survey.cuts, video.people.frames)
-            notes[video.id] = [*notes.get(video.id, []), sentence]
+        notes[video.id] = [*notes.get(video.id, []), *video.remarks]
     ranked = {video.id: video.people.ranked for video in followed.values()}
     return [
         VideoPeople(

@@ -34,7 +34,7 @@ class Observation:
             spot, or unknown.
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
-        feet_seen: (T,) whether a foot is seen, or None: in every frame.
+        joints_seen: (T, 24) whether each of SMPL's joints is seen, or None: all are.
         swapped: (T,) which sides of the detections are swapped in these keypoints (states of
             `sync.hypotheses.swapped_by_others`), or None: none.
     """
@@ -50,13 +50,15 @@ class Observation:
     performer: int = 0
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
-    feet_seen: Bool[np.ndarray, " T"] | None = None
+    joints_seen: Bool[np.ndarray, "T 24"] | None = None
     swapped: Int[np.ndarray, " T"] | None = None
 
     @property
-    def feet_shown(self) -> Float[np.ndarray, " T"]:
-        """`feet_seen` as numbers, 1 in every frame where it is not given."""
-        return np.ones(len(self.xy_px)) if self.feet_seen is None else self.feet_seen.astype(float)
+    def joints_shown(self) -> Float[np.ndarray, "T 24"]:
+        """`joints_seen` as numbers, 1 where it is not given."""
+        if self.joints_seen is None:
+            return np.ones((len(self.xy_px), 24))
+        return self.joints_seen.astype(float)
 
     @property
     def swapped_states(self) -> Int[np.ndarray, " T"]:
@@ -79,7 +81,7 @@ class Observation:
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
     joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
-    swapped, feet = observation.swapped, observation.feet_seen
+    swapped, shown = observation.swapped, observation.joints_seen
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
@@ -89,7 +91,7 @@ def every(observation: Observation, stride: int) -> Observation:
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
         swapped=None if swapped is None else swapped[::stride],
-        feet_seen=None if feet is None else feet[::stride],
+        joints_seen=None if shown is None else shown[::stride],
     )
 
 

@@ -96,8 +96,8 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
         curves[name] = np.stack([near(curve, shown[0]) for curve in shown])
     unknown = np.full(inside.shape[1], np.nan)
     sd = {name: np.stack([a.sd_deg.get(name, unknown) for a in each]) for name in SHOWN}
-    names = key_angles(curves)
-    t, words = key_moment(videos, inside, curves[names[0]], names[0])
+    names = _key_angles(curves)
+    t, words = _key_moment(videos, inside, curves[names[0]], names[0])
     phase_s = videos[0].phase_s
     ids = [video.id for video in videos]
     colors = [color_of(result.ids, video) for video in ids]
@@ -119,7 +119,7 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
     )
 
 
-def key_angles(curves: Curves) -> list[str]:
+def _key_angles(curves: Curves) -> list[str]:
     """The angles that change most, both sides of each; the one that changes most first."""
     ranges = {name: max(map(_range_deg, each)) for name, each in curves.items()}
     order = sorted(ranges, key=lambda name: -ranges[name])
@@ -132,7 +132,7 @@ def _range_deg(angle: Float[np.ndarray, " N"]) -> float:
     return float(np.ptp(shown)) if len(shown) else 0.0
 
 
-def key_moment(
+def _key_moment(
     videos: Sequence[VideoResult],
     inside: Bool[np.ndarray, "M N"],
     angle: Float[np.ndarray, "M N"],

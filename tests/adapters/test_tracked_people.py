@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.adapters import tracked_people
 from imocap_core.adapters.detected_people import tracked_video
+from imocap_core.adapters.tracked_people import Faults, left_out_videos, longest_shot, of_usable
 from imocap_core.io.video import write_h264
 from imocap_core.params import KeypointsParams
 from imocap_core.pipeline.action import Declaration
@@ -20,18 +20,21 @@ COUNT = 40
     [
         ([], (10, 110)),
         ([109], (10, 109)),
-        ([11], (11, 110)),
         ([13, 100], (13, 100)),
-        ([12, 14, 60], (14, 110)),
-        ([60], (10, 110)),
-        ([25], (10, 110)),
+        ([12, 14, 60], (60, 110)),
+        ([60], (10, 60)),
+        ([25], (25, 110)),
     ],
 )
-def test_the_shot_inside(cuts: list[int], expected: tuple[int, int]) -> None:
-    assert tracked_people.shot_inside(cuts, np.arange(10, 110), 30.0) == expected
+def test_the_longest_shot_is_used(cuts: list[int], expected: tuple[int, int]) -> None:
+    assert longest_shot(cuts, np.arange(10, 110), [1] * 100) == expected
 
 
-@pytest.mark.parametrize(("first", "stop"), [(0, 39), (0, 37), (1, 40), (2, 39), (0, 40)])
+def test_of_two_shots_the_one_that_shows_somebody_for_longer_is_used() -> None:
+    assert longest_shot([80], np.arange(10, 110), [0] * 60 + [2] * 40) == (80, 110)
+
+
+@pytest.mark.parametrize(("first", "stop"), [(0, 39), (0, 25), (1, 40), (2, 39), (0, 40)])
 def test_frames_of_another_shot_are_not_used(tmp_path: Path, first: int, stop: int) -> None:
     rng = np.random.default_rng(0)
     scenes = rng.integers(0, 255, (3, 24, 32, 3), dtype=np.uint8).repeat(8, 1).repeat(8, 2)
@@ -60,37 +63,23 @@ def solve(video: str) -> str:
 
 
 def test_the_others_are_solved_in_their_order() -> None:
-    faults: tracked_people.Faults = {}
-    assert tracked_people.of_usable(["v1", "bad", "v2"], solve, faults) == {"v1": "V1", "v2": "V2"}
+    faults: Faults = {}
+    assert of_usable(["v1", "bad", "v2"], solve, faults) == {"v1": "V1", "v2": "V2"}
     assert list(faults) == ["bad"]
-    assert tracked_people.of_usable(["v1"], solve, {}) == {"v1": "V1"}
+    assert of_usable(["v1"], solve, {}) == {"v1": "V1"}
 
 
 @pytest.mark.parametrize("ids", [["bad"], ["bad", "v1"], ["bad1", "bad2", "v1"]])
 def test_too_few_usable_videos_are_one_error_with_every_fault(ids: list[str]) -> None:
     with pytest.raises(ValueError, match=r"videos\.bad") as error:
-        tracked_people.of_usable(ids, solve, {})
+        of_usable(ids, solve, {})
     for video in ids:
         assert (f"videos.{video}.size" in str(error.value)) == video.startswith("bad")
 
 
 def test_reasons_are_one_line_and_name_no_absolute_path() -> None:
-    faults: tracked_people.Faults = {"bad": "/home/me/k/v1/x.json: broken\nin /home/me/k"}
+    faults: Faults = {"bad": "/home/me/k/v1/x.json: broken\nin /home/me/k"}
     names = {Path("/home/me/k"): "k", Path("/home/me/k/v1"): "keypoints of v1"}
-    (video,) = tracked_people.left_out_videos(faults, names) or []
+    (video,) = left_out_videos(faults, names) or []
     assert (video.id, video.reason) == ("bad", "keypoints of v1/x.json: broken; in k")
-    assert tracked_people.left_out_videos({}, names) is None
-
-
-FRAMES = np.arange(10, 100)
-
-
-def test_nothing_is_said_of_one_shot() -> None:
-    assert tracked_people.advice([], FRAMES) == ""
-
-
-def test_the_longest_shot_is_advised() -> None:
-    assert "frame 40: " in tracked_people.advice([40], FRAMES)
-    assert "`frames: [40, 100]`" in tracked_people.advice([40], FRAMES)
-    assert "frames 20, 60: " in tracked_people.advice([20, 60], FRAMES)
-    assert "`frames: [20, 60]`" in tracked_people.advice([20, 60], FRAMES)
+    assert left_out_videos({}, names) is None

@@ -49,6 +49,12 @@ POSTURES: dict[str, dict[str, tuple[float, float, float]]] = {
     "lying": {"pelvis": (-90.0, 0.0, 0.0)},
     "kneeling": {"knee": (90.0, 0.0, 0.0), "ankle": (40.0, 0.0, 0.0)},
     "handstand": {"pelvis": (180.0, 0.0, 0.0), "shoulder": (0.0, 0.0, 120.0)},
+    "on a bench": {
+        "pelvis": (-90.0, 0.0, 0.0),
+        "hip": (20.0, 0.0, 0.0),
+        "knee": (80.0, 0.0, 0.0),
+        "shoulder": (0.0, -80.0, 0.0),
+    },
     "hanging": {"shoulder": (0.0, 0.0, 110.0), "hip": (-80.0, 0.0, 0.0)},
 }
 

@@ -7,21 +7,28 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.body.kinematics import JOINT_MASS_SHARES, centre_of_mass
 from imocap_core.camera.gravity import (
+    BALL_ABOVE_SOLE_M,
+    HEEL_RADIUS_M,
     BodyMotion,
     Extrinsics,
     FilmedBody,
     GroundAlignment,
     align_camera_to_ground,
     align_motion_to_ground,
+    estimate_ground,
     estimate_up,
     to_world,
 )
 from imocap_core.camera.tilt_evidence import (
+    ANKLES,
     BALANCE_DOF,
+    BALLS,
     DYNAMIC_S,
     LEAN_ACROSS,
     LEAN_AHEAD,
     SWAY_M,
+    UNSEEN_M,
+    WRISTS,
     Support,
     balance_cost,
     camera_angles_deg,
@@ -100,7 +107,7 @@ def test_who_sits_is_carried_by_the_seat_and_who_squats_by_the_feet(side_deg: in
     joints = turned(posed(SITTING), Rotation.from_euler("y", side_deg, degrees=True))
     squat = joints + np.array([0.0, 0.3, 0.0]) * np.sin(np.arange(len(joints)) / 4)[:, None, None]
     for moving, least, most in ((joints, 0.5, 0.7), (squat, 0.0, 0.25)):
-        seat = support_shares(Y_UP[None], support_of(moving, FPS, 20))[0, -1]
+        seat = support_shares(Y_UP[None], support_of(moving, FPS, 20))[0, -2]
         assert least < np.median(seat) <= most
     estimate = estimate_up([FilmedBody(joints, FPS, LEVEL_CAMERA)], PRIOR)
     assert angle_deg(estimate.up, Y_UP) < 8.0
@@ -109,9 +116,41 @@ def test_who_sits_is_carried_by_the_seat_and_who_squats_by_the_feet(side_deg: in
 @pytest.mark.parametrize("roll_deg", [-25, 50])
 def test_a_body_shows_the_roll_of_its_camera_unless_its_feet_are_unseen(roll_deg: int) -> None:
     camera = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix() @ LEVEL_CAMERA
-    ups = [estimate_up([FilmedBody(standing(), FPS, camera, x)], PRIOR).up for x in (1.0, 0.05)]
+    joints, seen = standing(), np.zeros(standing().shape[:2])
+    seen[:5] = 1.0
+    ups = [estimate_up([FilmedBody(joints, FPS, camera, x)], PRIOR).up for x in (None, seen)]
     assert angle_deg(ups[0], Y_UP) < 5.0
     assert camera_angles_deg(ups[1][None], camera)[0] == pytest.approx(0.0, abs=5.0)
+
+
+def test_a_limb_that_nobody_sees_carries_less_surely() -> None:
+    joints, seen = posed(PUSH_UP), np.ones((len(posed(PUSH_UP)), 24))
+    seen[:, WRISTS] = 0.0
+    of_all, of_seen = (support_of(joints, FPS, 20, x) for x in (None, seen))
+    share = support_shares(Y_UP[None], of_all)
+    (_, near), (_, wide) = (support_under(share, x) for x in (of_all, of_seen))
+    assert share[0, 2:4].min() > 0.05
+    added = UNSEEN_M**2 * (share[0, 2:4] ** 2).sum(axis=0)
+    np.testing.assert_allclose((wide - near)[0], added[:, None, None] * np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [WRISTS, WRISTS + ANKLES + BALLS], ids=["hands", "hands and feet"])
+def test_the_floor_is_under_seen_limbs_and_under_the_feet_where_none_is_seen(rows) -> None:
+    """A hand that hangs below the feet, unseen, is a guess."""
+    joints, seen = standing().copy(), np.ones((len(standing()), 24))
+    joints[:, WRISTS, 1] -= 2.0
+    seen[:, rows] = 0.0
+    soles = standing()[:, BALLS, 1].min() - BALL_ABOVE_SOLE_M
+    ground = estimate_ground([FilmedBody(joints, FPS, LEVEL_CAMERA, seen)], PRIOR)
+    assert ground.origin[1] == pytest.approx(soles, abs=0.05)
+
+
+def test_heels_that_are_lower_than_the_toes_stand_on_the_floor() -> None:
+    joints = standing().copy()
+    joints[:, BALLS, 1] += 0.15
+    ground = estimate_ground([FilmedBody(joints, FPS, LEVEL_CAMERA)], PRIOR)
+    heels = joints[:, ANKLES, 1].min() - HEEL_RADIUS_M
+    assert ground.origin[1] == pytest.approx(heels, abs=0.02)
 
 
 def test_an_up_on_which_the_witnesses_disagree_is_doubtful() -> None:
@@ -143,14 +182,16 @@ def test_the_centre_of_mass_is_the_hips_height_of_a_standing_body_and_moves_with
 
 def test_the_cost_of_balance_is_that_of_the_whole_covariance() -> None:
     """The fast cost projects every limb; its slow twin projects their mean and covariance."""
-    support, sight = support_of(walking(), FPS, 20), np.array([0.1, -0.2, 0.97])
+    seen = np.random.default_rng(1).random((len(walking()), 24))
+    support, sight = support_of(walking(), FPS, 20, seen), np.array([0.1, -0.2, 0.97])
     up = Rotation.random(7, random_state=3).apply(Y_UP)
     expected = [_slow_balance_cost(u, support, sight) for u in up]
     np.testing.assert_allclose(balance_cost(up, support, sight), expected, rtol=1e-10)
 
 
 def _slow_balance_cost(up, support: Support, sight) -> float:
-    middles, spreads = (x[0] for x in support_under(up[None], support))
+    share = support_shares(up[None], support, lying=False)
+    middles, spreads = (x[0] for x in support_under(share, support))
     axes = np.stack([axis[0] for axis in perpendicular(up[None])])
     costs = []
     moments = zip(support.centre, support.speed_m_s, middles, spreads, strict=True)

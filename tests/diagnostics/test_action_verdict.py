@@ -201,15 +201,15 @@ def test_warnings_of_the_detection_are_findings(made: Made) -> None:
     first = made.keypoints.videos[0]
     note = (
         "2 people followed; the performer is seen in 16 of 16 frames and scores 1.2 times the next "
-        "(presence x size x motion); left and right of a limb put back in 9 frames; a new shot "
-        "begins with frame 9: use one shot only, the longest is `frames: [0, 9]` in action.yaml"
+        "(presence x size x motion); left and right of a limb put back in 9 frames; the "
+        "picture of frames 16 to 20 is of another shot: left out"
     )
     gone = first.model_copy(
         update={"note": note, "fps": 10.0, "confidence": first.confidence * made_gap(16, 3, 9)}
     )
     keypoints = Keypoints(videos=[gone, *made.keypoints.videos[1:]])
     sentences = [f.sentence for f in judged(made, keypoints=keypoints).findings]
-    assert any("v1: a new shot begins with frame 9" in s for s in sentences)
+    assert any("v1: the picture of frames 16 to 20 is of another shot" in s for s in sentences)
     assert any("v1 frames 3-8: nobody is detected for 0.6 s" in s for s in sentences)
     assert any("swapped left and right of a limb 9 times" in s for s in sentences)
     assert any("another person" in s and "imocap people" in s for s in sentences)

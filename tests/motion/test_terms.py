@@ -398,7 +398,7 @@ def test_a_body_that_falls_is_costlier_than_one_above_its_feet(lean_rad: float) 
 def test_a_weight_of_0_and_unseen_feet_leave_it_out() -> None:
     made = scene(20, [0.0], np.random.default_rng(0))
     assert balance_terms(made.body, leaning(0.1), made.observations, FitParams(balance=0.0)) == []
-    unseen = [replace(o, feet_seen=np.zeros(20, dtype=bool)) for o in made.observations]
+    unseen = [replace(o, joints_seen=np.zeros((20, 24), dtype=bool)) for o in made.observations]
     (term,) = balance_terms(made.body, leaning(0.5), unseen, FitParams())
     assert float(term.cost(leaning(0.5))) == 0.0
 

@@ -270,6 +270,13 @@ def test_frames_in_which_the_trunk_jumps_away_and_back_are_lost(stretch):
     np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), away)
 
 
+@pytest.mark.parametrize("stretch", [(0, 30), (20, 60), (60, 90)])
+def test_frames_in_which_somebody_is_upside_down_of_a_sudden_are_lost_however_many(stretch):
+    over = np.isin(np.arange(90), np.arange(*stretch))
+    xy = tilted(np.where(over, 175.0, 5.0)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
+    np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), over)
+
+
 def test_who_stays_away_a_somersault_and_one_wrong_hip_are_no_lost_frames():
     lies_down = tilted(np.where(np.arange(90) < 40, 0.0, 90.0))
     somersault = tilted(np.clip(np.arange(90) - 40, 0, 12) * 30.0)

@@ -180,7 +180,7 @@ FOLLOWED = "2 people followed; the performer is seen in 9 of 9 frames and scores
     ("note", "expected"),
     [
         ("", []),
-        ("; a new shot begins with frame 4: use one", ["a new shot begins with frame 4: use one"]),
+        ("; the picture is shown in a mirror", ["the picture is shown in a mirror"]),
         (
             "; track 2 was taken, not track 1: so; left and right of a limb put back in 3 frames",
             ["track 2 was taken, not track 1: so", "left and right of a limb put back in 3 frames"],

@@ -51,7 +51,7 @@ Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
 Guess = tuple[str | None, str | None, list[Person]]
 
 
-def guess_file(path: Path) -> Guess:
+def _guess_file(path: Path) -> Guess:
     """(format, layout, people): layout None where only the number of points tells it; people: some
     who have a detected point. ValueError when the file cannot be read or used."""
     suffix = path.suffix.lower()
@@ -77,13 +77,13 @@ def _guess_json(path: Path) -> Guess:
     entries = list(entries.values()) if by_picture else entries
     entries = entries[:LOOKED_AT] if isinstance(entries, list) else []
     places = [f"{path}: [{n}]" for n in range(len(entries))]
-    kind = next((kind for entry in entries if (kind := kind_of(entry))), None)
+    kind = next((kind for entry in entries if (kind := _kind_of(entry))), None)
     if by_picture:
         kind = "pictures" if kind in ("openpose", "pictures") else None
     return _guess_entries(kind, entries, places)
 
 
-def kind_of(entry: Any) -> str | None:
+def _kind_of(entry: Any) -> str | None:
     """The format (of `FORMS`, or mediapipe, or sam3d_body) that a frame, or a person, is of."""
     fields: dict[str, Any] = entry if isinstance(entry, dict) else {}
     people = json_people.people_of(entry)
@@ -128,7 +128,7 @@ def _guess_entries(kind: str | None, entries: Sequence[Any], places: Sequence[st
     return "alphapose" if kind == "pictures" else kind, layout, people
 
 
-def guess_labels(files: Sequence[Path]) -> Guess:
+def _guess_labels(files: Sequence[Path]) -> Guess:
     """The same of some of Ultralytics' label files."""
     for row, _ in (row for file in files for row in json_people.rows_of(file)):
         for count in (17, 26, 133):
@@ -224,21 +224,21 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
     if path.is_dir():
         kind, file_layout, people = _guess_folder(path)
     else:
-        kind, file_layout, people = guess_file(path)
+        kind, file_layout, people = _guess_file(path)
     if kind is None:
         raise ValueError(f"{path}: {OTHERS.get(path.suffix.lower(), UNKNOWN)}")
     if not (layout or file_layout or people or path.is_dir()):
         raise ValueError(
             f"{path}: the format is {kind}, but the file does not tell the layout; {TELL}"
         )
-    return kind, layout or file_layout or layout_of(path, people)
+    return kind, layout or file_layout or _layout_of(path, people)
 
 
 def _guess_folder(path: Path) -> Guess:
     files = frame_files(path)
     labels = frame_files(path, ".txt")
     if not files and labels:
-        return guess_labels(labels[:: max(1, len(labels) // LOOKED_AT)])
+        return _guess_labels(labels[:: max(1, len(labels) // LOOKED_AT)])
     if not files:
         inside = sorted(f.name for f in path.iterdir() if f.is_dir() and frame_files(f))
         raise ValueError(
@@ -247,8 +247,8 @@ def _guess_folder(path: Path) -> Guess:
         )
     step = max(1, len(files) // LOOKED_AT)
     contents = [read_json(file) for file in files[::step]]
-    nobody = [isinstance(c, list) and kind_of(c) is None for c in contents]
-    kinds = {kind_of(c) for c, empty in zip(contents, nobody, strict=True) if not empty}
+    nobody = [isinstance(c, list) and _kind_of(c) is None for c in contents]
+    kinds = {_kind_of(c) for c, empty in zip(contents, nobody, strict=True) if not empty}
     kind = kinds.pop() if len(kinds) == 1 else None
     if kind in ("ultralytics", "mediapipe", "sam3d_body"):
         raise ValueError(f"{path}: put the frames' lists into one JSON list, in their order")
@@ -260,7 +260,7 @@ def _guess_folder(path: Path) -> Guess:
     return _guess_entries(kind, contents, [str(file) for file in files[::step]])
 
 
-def layout_of(path: Path, people: Sequence[Person]) -> str:
+def _layout_of(path: Path, people: Sequence[Person]) -> str:
     """The layout of some people, by the number and the positions of their points.
 
     ValueError when none fits, or several do.

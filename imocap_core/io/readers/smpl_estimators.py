@@ -47,7 +47,7 @@ from imocap_core.io.readers.mediapipe import read_mediapipe_world
 from imocap_core.io.readers.people import frame_number, listed, type_name
 
 
-def read_vibe(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_vibe(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes; see `performer_of`."""
     return estimates.performer_of(
         path,
@@ -56,7 +56,7 @@ def read_vibe(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarr
     )
 
 
-def read_wham(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_wham(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes; see `performer_of`."""
 
     def middle_px(person: dict[str, Any], count: int, where: str) -> Float[np.ndarray, "N 2"]:
@@ -68,7 +68,7 @@ def read_wham(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarr
     return estimates.performer_of(path, performer, middle_px)
 
 
-def read_hmmr(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_hmmr(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The joint rotations in camera axes. ValueError names file and field."""
     poses = estimates.field(read_results(path), "poses", ("N", JOINTS, 3, 3), str(path))
     rows = rows_for_frames({}, len(poses), performer.frames, path)
@@ -79,7 +79,7 @@ GVHMR, GEM = "smpl_params_incam", "body_params_incam"
 SMPL_BODY = 63
 
 
-def read_one_person(
+def _read_one_person(
     path: Path, performer: estimates.PerformerBoxes, group: str
 ) -> Float[np.ndarray, "T 24 3 3"]:
     """The joint rotations in camera axes. ValueError names file and field."""
@@ -99,7 +99,7 @@ def read_one_person(
     return estimates.from_vectors(np.concatenate([root, body], axis=1)[rows])
 
 
-def read_tram(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_tram(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes, NaN where missing.
 
     ValueError names file, field, expected and got.
@@ -138,7 +138,7 @@ SMPLX = 165
 IN_CAMERA = "smplx_cam"
 
 
-def read_prompthmr(
+def _read_prompthmr(
     path: Path, performer: estimates.PerformerBoxes
 ) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes, NaN where missing.
@@ -161,7 +161,7 @@ def read_prompthmr(
     return estimates.of_tracks(tracks, performer, path)
 
 
-def read_phalp(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_phalp(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes, NaN where missing.
 
     ValueError names file, frame, field, expected and got.
@@ -262,15 +262,15 @@ def _betas(arrays: dict[str, Shaped[np.ndarray, "..."]], path: Path) -> Float[np
 
 # Joint rotations in camera axes, NaN where there is no estimate.
 ROTATIONS: dict[str, Callable[[Path, estimates.PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
-    "hmr2": read_phalp,
-    "tokenhmr": read_phalp,
-    "wham": read_wham,
-    "gvhmr": partial(read_one_person, group=GVHMR),
-    "gem": partial(read_one_person, group=GEM),
-    "prompthmr": read_prompthmr,
-    "vibe": read_vibe,
-    "hmmr": read_hmmr,
-    "tram": read_tram,
+    "hmr2": _read_phalp,
+    "tokenhmr": _read_phalp,
+    "wham": _read_wham,
+    "gvhmr": partial(_read_one_person, group=GVHMR),
+    "gem": partial(_read_one_person, group=GEM),
+    "prompthmr": _read_prompthmr,
+    "vibe": _read_vibe,
+    "hmmr": _read_hmmr,
+    "tram": _read_tram,
 }
 # Joints (T, J, 3) metres in camera axes.
 JOINT_READERS: dict[str, Callable[[Path, estimates.PerformerBoxes], estimates.JointsEstimate]] = {

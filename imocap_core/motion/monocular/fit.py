@@ -25,6 +25,7 @@ from imocap_core.body.kinematics import JOINT_MASS_SHARES
 from imocap_core.camera.gravity import FilmedBody, estimate_up
 from imocap_core.camera.projection import normalised
 from imocap_core.camera.tilt_evidence import (
+    ANKLES,
     DYNAMIC_S,
     LIMB_SHARES,
     SWAY_M,
@@ -69,10 +70,11 @@ def balance_terms(
         return []
     joints = body.positions(body.joints, state).detach().cpu().numpy()
     filmed = [
-        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.feet_shown.mean())]
+        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.joints_shown)]
         for x, o in zip(joints, observations, strict=True)
     ]
-    return [balance_term(body, state, filmed, weights, [o.feet_shown for o in observations])]
+    shares = [o.joints_shown[:, ANKLES].max(axis=1) for o in observations]
+    return [balance_term(body, state, filmed, weights, shares)]
 
 
 def balance_term(
@@ -107,15 +109,16 @@ def arms_above_support(
 ) -> tuple[Float[np.ndarray, "T 24"], Float[np.ndarray, "T 2 3"]]:
     """Joint weights of the centre of mass less the support's middle, and the whitening of that arm:
     (2, 3) to its horizontal coordinates in standard deviations."""
-    support = support_of(filmed.joints, filmed.fps, len(filmed.joints))
-    middle, spread = (x[0] for x in support_under(up[None], support))
-    share = support_shares(up[None], support)[0]
+    moments = len(filmed.joints)
+    support = support_of(filmed.joints, filmed.fps, moments, filmed.joints_shown)
+    shares = support_shares(up[None], support)
+    middle, spread = (x[0] for x in support_under(shares, support))
     height = (support.centre - middle) @ up
     free = SWAY_M**2 + (REACH * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
     axes = np.stack([axis[0] for axis in perpendicular(up[None])])
     covariance = axes @ spread @ axes.T + free[:, None, None] * np.eye(2)
     whiten = np.linalg.inv(np.linalg.cholesky(covariance)) @ axes
-    return JOINT_MASS_SHARES - share.T @ LIMB_SHARES, whiten
+    return JOINT_MASS_SHARES - shares[0].T @ LIMB_SHARES, whiten
 
 
 Progress = Callable[[str], None]

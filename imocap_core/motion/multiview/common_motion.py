@@ -25,6 +25,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.camera.gravity import FilmedBody
+from imocap_core.camera.tilt_evidence import ANKLES
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
 from imocap_core.motion.monocular.fit import Progress, balance_term, regularisers
 from imocap_core.motion.multiview.scene import (
@@ -319,13 +320,14 @@ def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> 
     """
     joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
     R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
-    feet = scene.feet_shown
-    shares = share_of_balance(joints[:, 0], R, t, scene.timeline.confidence, scene.fps) * feet
+    shown = scene.joints_shown
+    shares = share_of_balance(joints[:, 0], R, t, scene.timeline.confidence, scene.fps)
+    shares = shares * shown[:, ANKLES].max(axis=1)
     if scene.fit.balance == 0 or not shares.any():
         return []
     used = set(np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist())
     filmed = [
-        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v], feet.mean())
+        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v], shown)
         for x, views in ((joints, {scene.reference}), (joints * np.nan, used - {scene.reference}))
         for v in sorted(views)
     ]
