@@ -1,6 +1,6 @@
 """`imocap benchmark NAME`: which measurement each name is.
 
-Every folder of MEASUREMENTS has a module `report` with a function
+Each is a file of its name, the sets of MOTION are benchmarks/motion.py. It has a function
 
     report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]
 
@@ -10,14 +10,12 @@ which measures, writes its tables, and returns what the command prints.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.table import Table
 
     from imocap_core.pipeline.runner import Display
@@ -52,35 +50,7 @@ BenchmarkName = Literal[
     "lifter",
     "bones",
 ]
-MEASUREMENTS: dict[BenchmarkName, str] = {  # name -> folder of benchmarks/
-    "protocol": "motion",
-    "trials": "motion",
-    "yoga": "motion",
-    "real": "motion",
-    "h36m": "motion",
-    "rendered": "rendered",
-    "detector": "detector",
-    "degraded": "degraded",
-    "collect": "collect",
-    "stability": "stability",
-    "ablations": "ablations",
-    "sync": "sync",
-    "screening": "screening",
-    "wrong_start": "wrong_start",
-    "performers": "performers",
-    "performances": "performances",
-    "angles": "angles",
-    "chance": "chance",
-    "moving_camera": "moving_camera",
-    "event": "event",
-    "field": "field",
-    "penn": "penn",
-    "solver": "solver",
-    "cost": "cost",
-    "speed": "speed",
-    "lifter": "lifter",
-    "bones": "body",
-}
+MOTION = ("protocol", "trials", "yoga", "real", "h36m")  # the sets of benchmarks/motion.py
 
 
 @dataclass(frozen=True)
@@ -104,16 +74,6 @@ Report = Callable[[BenchmarkOptions, "Workspace", "Display"], "list[Table | str]
 
 def report_of(name: BenchmarkName) -> Report:
     """The measurement of a name."""
-    report: Report = import_module(f"benchmarks.{MEASUREMENTS[name]}.report").report
+    module = "motion" if name in MOTION else name
+    report: Report = import_module(f"benchmarks.{module}").report
     return report
-
-
-def table_of_rows(rows: Sequence[Any]) -> Table:
-    """Dataclass instances as a table for the terminal: a column a field, two decimals."""
-    from rich.table import Table
-
-    fields = [asdict(row) for row in rows]
-    table = Table(*fields[0], box=None, pad_edge=False)
-    for row in fields:
-        table.add_row(*(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()))
-    return table

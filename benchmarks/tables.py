@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from benchmarks.scoring.costs import Cost
+from rich.table import Table
 
 SCALED, PA = "mpjpe_scaled_mm", "pa_mpjpe_mm"
 ALL_JOINTS = "mpjpe_24_mm"
@@ -34,6 +33,18 @@ def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
         return mean, math.nan
     spread = math.sqrt(sum((value - mean) ** 2 for value in values) / (count - 1))
     return mean, spread / math.sqrt(count)
+
+
+def finite_mean(values: Sequence[float]) -> float:
+    """The mean of the finite ones; NaN for none."""
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.mean(finite)) if finite else math.nan
+
+
+def finite_median(values: Sequence[float]) -> float:
+    """The median of the finite ones; NaN for none."""
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.median(finite)) if finite else math.nan
 
 
 def gap_closed(monocular: float | None, reached: float | None, oracle: float | None) -> float:
@@ -62,15 +73,6 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def cost_sentence(costs: Sequence[Mapping[str, Cost]]) -> str:
-    """Total time and peak memory of the stages (each counted where it was measured)."""
-    every = [cost for action in costs for cost in action.values()]
-    if not every:
-        return "Time and memory were not measured."
-    seconds, peak = sum(c.seconds for c in every), max(c.peak_gb for c in every)
-    return f"All of it took {seconds:.0f} s when it was made, at most {peak:.1f} GB of memory."
-
-
 def missing_sentence(missing: Sequence[str]) -> str:
     """The actions that the table lacks; empty for none."""
     return f" **Missing (not measured on this code): {', '.join(missing)}.**" if missing else ""
@@ -78,9 +80,22 @@ def missing_sentence(missing: Sequence[str]) -> str:
 
 def markdown_of_rows(rows: Sequence[Any]) -> str:
     """Dataclass instances as a table: a column a field, two decimals."""
-    fields = [asdict(row) for row in rows]
-    cells = [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in f.values()] for f in fields]
-    return markdown_table(list(fields[0]), cells)
+    return markdown_table(list(asdict(rows[0])), _cells(rows))
+
+
+def table_of_rows(rows: Sequence[Any]) -> Table:
+    """The same for the terminal."""
+    table = Table(*asdict(rows[0]), box=None, pad_edge=False)
+    for cells in _cells(rows):
+        table.add_row(*cells)
+    return table
+
+
+def _cells(rows: Sequence[Any]) -> list[list[str]]:
+    return [
+        [f"{v:.2f}" if isinstance(v, float) else str(v) for v in asdict(row).values()]
+        for row in rows
+    ]
 
 
 def write_rows(folder: Path, name: str, rows: Sequence[Any]) -> None:

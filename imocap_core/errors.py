@@ -22,7 +22,7 @@ CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # what a terminal would 
 _UNSHOWN = re.compile(rf"{CONTROL.pattern[:-1]}\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
-def shown_text(text: str) -> str:
+def _shown_text(text: str) -> str:
     """A text with control characters as escapes: a terminal shows it and does nothing else."""
     return _UNSHOWN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
@@ -37,7 +37,7 @@ class ImocapError(Exception):
     """The work could not be done, or was not understood; the message is for the user."""
 
     def __str__(self) -> str:
-        return shown_text(super().__str__())
+        return _shown_text(super().__str__())
 
 
 class WorkFailed(ImocapError):
@@ -52,7 +52,7 @@ class ArtifactCorrupt(Exception):
     """An artifact can't be read back whole; it must be computed again."""
 
     def __str__(self) -> str:
-        return shown_text(super().__str__())
+        return _shown_text(super().__str__())
 
 
 class Stopped(BaseException):
@@ -73,7 +73,7 @@ def system_fault(error: OSError | MemoryError) -> str:
         return f"the disk is full ({where}); finished stages are stored, run again with more space"
     advice = f"; {ADVICE[error.errno]}" if error.errno in ADVICE else ""
     if error.filename is not None:
-        return f"cannot use {shown_text(str(error.filename))}: {error.strerror}{advice}"
+        return f"cannot use {_shown_text(str(error.filename))}: {error.strerror}{advice}"
     where = f" (below {os.getcwd()} or {tempfile.gettempdir()})"
     return f"a file could not be read or written{where}: {error.strerror or error}{advice}"
 

@@ -81,13 +81,13 @@ def cut(
             (int(video.frames[a]), int(video.frames[b - 1]) + 1) for a, b in repetitions.spans
         ]
         notes.append(f"{video.id}: {repetitions.status}")
-    return write_instances(workspace.root, job.action, name, spans), notes
+    return _write_instances(workspace.root, job.action, name, spans), notes
 
 
 HEAD = "# Written by imocap, which writes it again; copy it to actions/ to change it.\n"
 
 
-def write_sources(
+def _write_sources(
     root: Path, name: str | None, sources: Sequence[VideoSource], declared: Declared
 ) -> Path:
     """The folder of an action of these sources, made or brought up to date.
@@ -102,7 +102,7 @@ def write_sources(
             f"keypoints are unknown; give both, as in --fps 30 --size 1920x1080"
         )
     names = labels(sources)
-    folder = results_folder(root, name or default_name("sync-", names, sources))
+    folder = _results_folder(root, name or default_name("sync-", names, sources))
     videos = [
         _declaration(label, source, declared, folder)
         for label, source in zip(names, sources, strict=True)
@@ -110,11 +110,11 @@ def write_sources(
     return write(folder, videos)
 
 
-def write_instances(
+def _write_instances(
     root: Path, action: Action, name: str, spans: Mapping[str, Sequence[tuple[int, int]]]
 ) -> Path:
     """The folder of an action in which some videos are replaced by parts (first, stop) of them."""
-    folder = results_folder(root, name)
+    folder = _results_folder(root, name)
     videos = []
     for video in action.videos:
         whole = video.model_copy(update={"repetitions": None})
@@ -142,7 +142,7 @@ def write(
     return folder
 
 
-def results_folder(root: Path, name: str) -> Path:
+def _results_folder(root: Path, name: str) -> Path:
     """artifacts/NAME; WrongUse when the name is invalid or another action's results are there."""
     check_name(name)
     folder = root / "artifacts" / name
@@ -307,7 +307,7 @@ def _action_of(
         raise WrongUse(f"{actions[0]} is an action: give it alone, without --name")
     if actions:
         return actions[0]
-    return str(write_sources(workspace.root, name, sources_of(words), declared))
+    return str(_write_sources(workspace.root, name, sources_of(words), declared))
 
 
 def _is_action(workspace: Workspace, word: str) -> bool:

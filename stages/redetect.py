@@ -6,13 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from imocap_core.adapters import redetection
 from imocap_core.adapters.joint import problem_of
-from imocap_core.adapters.redetection import (
-    ContradictedVideo,
-    SecondLook,
-    contradicted_videos,
-    redetected,
-)
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -48,7 +43,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Redetect:
     looks = _looks(ctx, asked, [videos[one.id] for one in asked], params)
     return Redetect(
         videos=[
-            redetected(one, of_video, videos[one.id], cameras[one.id])
+            redetection.redetected(one, of_video, videos[one.id], cameras[one.id])
             for one, of_video in zip(asked, looks, strict=True)
         ],
         note="",
@@ -57,7 +52,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Redetect:
 
 def _contradicted(
     ctx: Context, inputs: Inputs, params: Params, videos: Sequence[str]
-) -> list[ContradictedVideo]:
+) -> list[redetection.ContradictedVideo]:
     """What the first joint motion of the other videos contradicts."""
     problem = problem_of(
         inputs.get(Keypoints),
@@ -69,15 +64,15 @@ def _contradicted(
         event=ctx.event(),
         device=ctx.device,
     )
-    return contradicted_videos(problem, problem.solution(inputs.get(SmplBa)), videos)
+    return redetection.contradicted_videos(problem, problem.solution(inputs.get(SmplBa)), videos)
 
 
 def _looks(
     ctx: Context,
-    asked: Sequence[ContradictedVideo],
+    asked: Sequence[redetection.ContradictedVideo],
     videos: Sequence[VideoKeypoints],
     params: Params,
-) -> list[list[SecondLook]]:
+) -> list[list[redetection.SecondLook]]:
     """What is seen in every frame of each video; moments of one picture share a look."""
     places, rows = [], []
     for one, video in zip(asked, videos, strict=True):

@@ -7,15 +7,9 @@ from functools import partial
 
 import numpy as np
 
+from imocap_core.adapters import uncertainty
 from imocap_core.adapters.joint import SolvedGroup, is_one_motion, solved_groups
 from imocap_core.adapters.redetection import with_second_look
-from imocap_core.adapters.uncertainty import (
-    GroupPosterior,
-    anatomical_rotations,
-    lasting_errors_m,
-    leave_one_out_of,
-    uncertainty_of,
-)
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -61,8 +55,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
         )
     ctx.progress(0.9, "each video predicted by the others")
     release_if_large()
-    left_out = leave_one_out_of(groups)
-    return uncertainty_of(posteriors, keypoints, refined, left_out, params.uncertainty)
+    left_out = uncertainty.leave_one_out_of(groups)
+    return uncertainty.uncertainty_of(posteriors, keypoints, refined, left_out, params.uncertainty)
 
 
 def _begin(ctx: Context, done: float, videos: str, what: str) -> None:
@@ -73,11 +67,11 @@ def _begin(ctx: Context, done: float, videos: str, what: str) -> None:
 
 def posterior_of(
     group: SolvedGroup, params: UncertaintyParams, progress: Progress, *, one_motion: bool
-) -> GroupPosterior:
+) -> uncertainty.GroupPosterior:
     """Covariances and viewpoints of videos that were solved together."""
     noise, options = Noise(params), group.problem.options
     scene = group.problem.scene_of(group.solution)
-    rows = partial(anatomical_rotations, scene.body.model)
+    rows = partial(uncertainty.anatomical_rotations, scene.body.model)
     posterior = motion_posterior(scene, group.solution, options, noise, rows, progress)
     progress("viewpoints")
     viewpoints = viewpoint_report(
@@ -89,10 +83,10 @@ def posterior_of(
         evidence_share=noise.evidence_share(scene.fps),
     )
     participants = group.problem.participants
-    lasting_m = lasting_errors_m(participants.keypoints, params)
+    lasting_m = uncertainty.lasting_errors_m(participants.keypoints, params)
     joints = zip(posterior.covariances_m2, lasting_m, strict=True)
     rotations = zip(posterior.rotations_rad2, lasting_m, strict=True)
-    return GroupPosterior(
+    return uncertainty.GroupPosterior(
         participants,
         [claimed_covariance_m2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in joints],
         [claimed_rotations_deg2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in rotations],

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, place_camera, to_scene
-from benchmarks.synthetic.estimator import EstimatorErrors, estimate
+from benchmarks.synthetic.simulated import EstimatorErrors, estimate
 from imocap_core.conventions import EVAL_12
 from imocap_core.metrics.position import mpjpe_mm, mpjpe_scaled_mm, pa_mpjpe_mm
 

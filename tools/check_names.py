@@ -22,14 +22,14 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 339,
-    "lines of the core": 71_229,
+    "lines of the core": 71_105,
     "packages of the core": 40,
-    "public names of the core": 4_079,
+    "public names of the core": 3_989,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 12,
-    "lines of the tests": 42_593,
-    "words of the documentation": 38_164,  # of all pages but the changelog, as `wc -w` counts
+    "lines of the tests": 42_465,
+    "words of the documentation": 38_162,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})

@@ -21,8 +21,8 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from benchmarks.synthetic.performers import RetargetedMotion, perform
-from benchmarks.synthetic.rendered import film_motion
+from benchmarks.synthetic.films import film_motion
+from benchmarks.synthetic.retargeting import RetargetedMotion, perform
 from imocap_core.body import Model, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.detect.detectors import Detector, detector_of

@@ -21,16 +21,16 @@ from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
 from benchmarks.actions.action_folder import make_action
-from benchmarks.actions.captured import CapturedVideo
+from benchmarks.actions.captured_videos import CapturedVideo
 from benchmarks.parallel import LineDisplay
-from benchmarks.sync.training_scenes import (
+from benchmarks.sync_scenes import (
     CAPTURED_FPS,
     PROTOCOL_FPS,
     PROTOCOL_FRAMES,
     performances,
     training_clip,
 )
-from benchmarks.synthetic.frame_sampling import sample_frames
+from benchmarks.synthetic.captured import sample_frames
 from imocap_core.adapters.joint import SolvedGroup, solved_groups
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.conventions import EVAL_INDICES

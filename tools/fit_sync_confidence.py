@@ -17,9 +17,13 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from benchmarks.sync.calibration_scenes import KINDS, calibration_scenes
-from benchmarks.sync.reliability import expected_calibration_error, right_frames
-from benchmarks.sync.scenes import SyncScene
+from benchmarks.sync_reliability import (
+    KINDS,
+    calibration_scenes,
+    expected_calibration_error,
+    right_frames,
+)
+from benchmarks.sync_scenes import SyncScene
 from imocap_core.params import SyncParams
 from imocap_core.sync import SyncEvidence, joint_synchronisation, synchronise
 from imocap_core.sync.confidence import WEIGHTS, calibrated_confidence, confidence_features

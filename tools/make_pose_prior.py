@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmarks.synthetic.captured_stance import captured_skeleton, neutral_stance
+from benchmarks.synthetic.captured_skeleton import captured_skeleton, neutral_stance
 from benchmarks.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import gammaln
 
-from benchmarks.synthetic.captured_stance import CapturedSkeleton, captured_skeleton
+from benchmarks.synthetic.captured_skeleton import CapturedSkeleton, captured_skeleton
 
 FPS = 30.0
 STARTS = {"hip": "knee", "shoulder": "elbow"}  # joints at the near end of the bone that ends there

@@ -1,7 +1,7 @@
 """How upper arms are turned about themselves: ``python tools/measure_arm_twist.py DATA/train/...``.
 
-The forearm of a bent elbow tells it. The constants of `benchmarks.synthetic.arm_twist` are these
-circular means by the arm's elevation, right arms mirrored.
+The forearm of a bent elbow tells it. The constants in benchmarks/synthetic/captured_skeleton.py
+are these means (circular) by the arm's elevation, right arms mirrored.
 """
 
 import argparse
@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import circmean, circstd
 
-from benchmarks.synthetic.captured_rotations import rotations_from_stance, shortest_rotations
-from benchmarks.synthetic.captured_stance import (
+from benchmarks.synthetic.captured_skeleton import (
     CapturedSkeleton,
     NeutralStance,
     captured_skeleton,
     neutral_stance,
+    rotations_from_stance,
+    shortest_rotations,
 )
 
 BENT_DEG = 40.0

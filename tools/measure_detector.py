@@ -4,7 +4,7 @@
 
 Two seconds of training clips on the free body, rendered from four cameras as `imocap benchmark
 rendered` does with `trials`, and detected. Prints the detector's errors, and below each the same of
-the simulated detector `mediapipe` (benchmarks/synthetic/detector_presets.py) on the same videos.
+the simulated detector `mediapipe` (benchmarks/synthetic/simulated.py) on the same videos.
 Measured videos are cached in FOLDER.
 """
 
@@ -15,14 +15,18 @@ import cv2
 import numpy as np
 import torch
 
-from benchmarks.detector.detection_errors import DetectedClip, swapped_share
-from benchmarks.detector.detector_bias import detector_bias, swapped_body_share
-from benchmarks.rendered.action import true_points
-from benchmarks.sync.training_scenes import CAPTURED_FPS
+from benchmarks.detection_errors import (
+    DetectedClip,
+    detector_bias,
+    swapped_body_share,
+    swapped_share,
+)
+from benchmarks.rendered_action import true_points
+from benchmarks.sync_scenes import CAPTURED_FPS
 from benchmarks.synthetic.captured import CAMERA_PLACEMENTS
-from benchmarks.synthetic.detector_presets import DETECTORS
-from benchmarks.synthetic.performers import perform
-from benchmarks.synthetic.rendered import film_motion
+from benchmarks.synthetic.films import film_motion
+from benchmarks.synthetic.retargeting import perform
+from benchmarks.synthetic.simulated import DETECTORS
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
 from imocap_core.detect.detectors import Detector, detector_of

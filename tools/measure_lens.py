@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from benchmarks.parallel import ActionDisplay, LineDisplay
-from benchmarks.scoring.score import truth_of
+from benchmarks.scoring import truth_of
 from imocap_core.adapters.relative_motion import paths_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body

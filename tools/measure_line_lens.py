@@ -14,8 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.synthetic.furniture import furniture
-from benchmarks.synthetic.large_room import large_room
+from benchmarks.synthetic.films import furniture, large_room
 from imocap_core.camera.line_lens import (
     KeptPictures,
     StillBackground,

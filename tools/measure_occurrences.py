@@ -19,9 +19,9 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 
-from benchmarks.actions.captured import PLACEMENTS, SIZE, trial_videos
-from benchmarks.screening.casts import detected
-from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
+from benchmarks.actions.captured_videos import PLACEMENTS, SIZE, trial_videos
+from benchmarks.screening_casts import detected
+from benchmarks.sync_scenes import CAPTURED_FPS, training_clip
 from imocap_core.collect.films import ShotTrack
 from imocap_core.collect.matching import RATES, FilmTracks, Match, part_of, samples_of, template_of
 from imocap_core.collect.movement import by_further_examples, matches_of_all, threshold

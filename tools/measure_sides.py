@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.sync.training_scenes import training_clip
+from benchmarks.sync_scenes import training_clip
 from benchmarks.synthetic.captured import (
     CAMERA_PLACEMENTS,
     COCO18,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from benchmarks.sync.reliability import expected_calibration_error
+from benchmarks.sync_reliability import expected_calibration_error
 from tools.svg import INK, PALE, PAPER, SANS, box, text
 
 PANEL, GAP, COLUMNS, BINS = 130.0, 46.0, 5, 10

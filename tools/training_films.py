@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.sync.training_scenes import CAPTURED_FPS
-from benchmarks.synthetic.captured_stance import (
+from benchmarks.sync_scenes import CAPTURED_FPS
+from benchmarks.synthetic.captured_skeleton import (
     CapturedSkeleton,
     NeutralStance,
     captured_skeleton,
     neutral_stance,
 )
-from benchmarks.synthetic.rendered import FilmedMotion, render_frames
+from benchmarks.synthetic.films import FilmedMotion, render_frames
 from imocap_core.body import Shaped
 from imocap_core.detect.detection import detect_video, set_up
 from imocap_core.detect.detectors import Detector

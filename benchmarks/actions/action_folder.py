@@ -11,6 +11,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,15 @@ import yaml
 from jaxtyping import Int
 from scipy.ndimage import median_filter
 
-from benchmarks.actions.captured import SIZE, CapturedVideo, RecordedView, placement, video_rng
+from benchmarks.actions.captured_videos import (
+    SIZE,
+    CapturedVideo,
+    RecordedView,
+    placement,
+    video_rng,
+)
 from benchmarks.synthetic.captured import coco18_points, hip_middle, place_camera, stature_m
-from benchmarks.synthetic.detector_presets import detect_person
-from benchmarks.synthetic.estimator import estimate
+from benchmarks.synthetic.simulated import detect_person, estimate
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_14
 from imocap_core.metrics.whole_body import SEGMENTS
@@ -165,3 +171,34 @@ def _write_openpose(
         person = {"pose_keypoints_2d": [round(float(value), 3) for value in rows.ravel()]}
         file = folder / f"{video}_{number:012d}_keypoints.json"
         file.write_text(json.dumps({"version": 1.3, "people": [person]}))
+
+
+# One variant of an action, and where it lies below a benchmark's folder.
+
+
+@dataclass(frozen=True)
+class ActionVariant:
+    """A variant of an action; `variant`, its name, is for a benchmark to give."""
+
+    folder: Path
+    action: str
+
+    @property
+    def variant(self) -> str:
+        """What is done to the action."""
+        raise NotImplementedError
+
+    @property
+    def name(self) -> str:
+        """The name of the varied action."""
+        return f"{self.action}-{self.variant}"
+
+    @property
+    def action_folder(self) -> Path:
+        """Its action folder."""
+        return self.folder / "actions" / self.name
+
+    @property
+    def score_file(self) -> Path:
+        """The file of its numbers."""
+        return self.folder / "scores" / f"{self.name}.json"

@@ -13,12 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from imocap_core.adapters.lenses import (
-    declared_lens,
-    estimated_distortion,
-    given_distortion,
-    lens_words,
-)
+from imocap_core.adapters import lenses
 from imocap_core.artifacts.schemas import LensDistortion, VideoKeypoints
 from imocap_core.camera.background import (
     FeatureTracks,
@@ -113,10 +108,10 @@ def followed(
     if path is None:
         why = "its path could not be reconstructed from the background"
         return replace(camera, note=f"{camera.note}; {why}")
-    return with_path(camera, path, background.size)
+    return _with_path(camera, path, background.size)
 
 
-def with_path(
+def _with_path(
     camera: CameraMotionEstimate, path: CameraPath, size: tuple[int, int]
 ) -> CameraMotionEstimate:
     """The camera along its path: keypoints are warped by its rotations."""
@@ -155,7 +150,7 @@ def camera_of_background(
         background: follows the feature tracks, which a static camera does not need; still: the
             picture of what stands behind the person, which only a static camera has.
     """
-    given = declared_lens(video)
+    given = lenses.declared_lens(video)
     tested: list[tuple[Background, ParallaxTest]] = []
 
     def parallax() -> ParallaxTest:
@@ -185,13 +180,13 @@ def camera_of_background(
         camera = followed(camera, tested[0][0], video.focal_px)
     distortion = None
     if given is not None:
-        distortion = given_distortion(given, camera.K)
+        distortion = lenses.given_distortion(given, camera.K)
     elif turning is not None and turning.certain:
-        distortion = estimated_distortion(turning, camera.K, video.size)
+        distortion = lenses.estimated_distortion(turning, camera.K, video.size)
     elif camera.motion == "static" and params.lens:
         lines = lens_from_lines(still())
         if lines is not None and lines.certain:
-            distortion = estimated_distortion(lines, camera.K, video.size)
+            distortion = lenses.estimated_distortion(lines, camera.K, video.size)
     return with_lens(camera, distortion, video), distortion
 
 
@@ -200,8 +195,8 @@ def without_pictures(
 ) -> tuple[CameraMotionEstimate, LensDistortion | None]:
     """A camera of which there are keypoints only: taken to be static, its lens as declared."""
     camera = static_camera(len(video.frames), video.size, video.focal_px, assumed_focal_factor)
-    given = declared_lens(video)
-    lens = None if given is None else given_distortion(given, camera.K)
+    given = lenses.declared_lens(video)
+    lens = None if given is None else lenses.given_distortion(given, camera.K)
     return with_lens(camera, lens, video), lens
 
 
@@ -211,4 +206,4 @@ def with_lens(
     """The camera with a note on its lens."""
     if lens is None:
         return camera
-    return replace(camera, note=f"{camera.note}; {lens_words(lens, video.size, camera.K)}")
+    return replace(camera, note=f"{camera.note}; {lenses.lens_words(lens, video.size, camera.K)}")

@@ -9,22 +9,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int64
 
+from imocap_core.adapters import keypoint_reading, tracked_people
 from imocap_core.adapters.estimates import detected_joints
 from imocap_core.adapters.even_moments import at_even_moments
-from imocap_core.adapters.keypoint_reading import (
-    Reading,
-    at_declared_rate,
-    check_declared,
-    check_fits_picture,
-    reading_of,
-    reading_without_video,
-)
-from imocap_core.adapters.tracked_people import (
-    TrackedVideo,
-    declared_row,
-    longest_shot,
-    track_people,
-)
 from imocap_core.artifacts.schemas import CorrectedMarks, HandKeypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
 from imocap_core.io.frame_access import variable_times_s, why_not_detected
@@ -96,7 +83,7 @@ def survey_video(
     return VideoSurvey([first + cut for cut in cuts if not near[cut]], damaged)
 
 
-AS_THEY_ARE = Reading()
+AS_THEY_ARE = keypoint_reading.Reading()
 IN_SHARES = ("mediapipe",)  # formats whose points come in shares of the shown picture
 
 
@@ -113,10 +100,10 @@ class DetectedVideo:
     folder: Path
     video: Path | None
     kind: str
-    people: TrackedVideo  # without tracks until `track_people`
+    people: tracked_people.TrackedVideo  # without tracks until `track_people`
     survey: VideoSurvey | None = None
     time_s: Float[np.ndarray, " T"] | None = None
-    reading: Reading = AS_THEY_ARE
+    reading: keypoint_reading.Reading = AS_THEY_ARE
     remarks: tuple[str, ...] = ()
     mirrored: bool = False  # the file has its players show the mirror image
 
@@ -131,9 +118,9 @@ def read_people(
 ) -> DetectedVideo:
     """Read a video's detections in its used frames; `file`: the action.yaml, for messages."""
     probed = None if video is None else probe(video)
-    check_declared(declared, probed, file)
+    keypoint_reading.check_declared(declared, probed, file)
     if probed is not None:
-        probed = at_declared_rate(declared, probed)
+        probed = keypoint_reading.at_declared_rate(declared, probed)
     kind, layout = format_and_layout(folder, declared.format, declared.layout)
     size = declared.size if probed is None else probed.size
     assert size is not None
@@ -143,15 +130,17 @@ def read_people(
     reading = AS_THEY_ARE
     if probed is not None and video is not None and not declared.detected:
         placed = kind in IN_SHARES
-        reading = reading_of(detections, probed, video, folder, used=declared.frames, placed=placed)
+        reading = keypoint_reading.reading_of(
+            detections, probed, video, folder, used=declared.frames, placed=placed
+        )
     elif probed is None:
-        reading = reading_without_video(detections, size)
+        reading = keypoint_reading.reading_without_video(detections, size)
     detections = reading.read(detections, info.frame_count, layout)
     frames = _used_frames(declared, info.frame_count, file)
     time_s = None if video is None else _uneven_times_s(video, info, frames)
     people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
     nobody = np.zeros((0, *detections.people[0].shape[1:]))
-    people = TrackedVideo(
+    people = tracked_people.TrackedVideo(
         id=declared.id,
         people=[people_of.get(int(frame), nobody) for frame in frames],
         frames=frames,
@@ -240,7 +229,7 @@ def tracked_video(
     action.yaml says that the performer is.
     """
     video_people = followed_video(declared, folder, video, action_file, params)
-    declared_row(video_people.people, action_file)
+    tracked_people.declared_row(video_people.people, action_file)
     return video_people
 
 
@@ -272,10 +261,10 @@ def followed_video(
     if survey is not None and not every_shot:
         at = None if declared.person is None else declared.person.frame
         counts = [len(people) for people in detected.people.people]
-        inside = longest_shot(survey.cuts, frames, counts, at)
+        inside = tracked_people.longest_shot(survey.cuts, frames, counts, at)
         detected, survey = _inside(detected, survey, *inside)
         frames = detected.people.frames
-    people = track_people(detected.people, video, params)
+    people = tracked_people.track_people(detected.people, video, params)
     if not people.ranked:
         raise ValueError(
             f"{folder}: expected a person in frames {frames[0]} to {frames[-1]}, found nobody with "
@@ -322,7 +311,7 @@ def performer_keypoints(
     its picture."""
     declared, people = video.declared, video.people
     probed = video.video is not None
-    check_fits_picture(performer.xy_px, people.size, video.folder, probed=probed)
+    keypoint_reading.check_fits_picture(performer.xy_px, people.size, video.folder, probed=probed)
     survey = video.survey
     if survey is not None:
         performer = without_frames(performer, survey.damaged)

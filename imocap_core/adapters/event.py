@@ -14,18 +14,9 @@ from imocap_core.adapters.joint import JointProblem
 from imocap_core.adapters.synchronisation import summary_of
 from imocap_core.artifacts.schemas import EventCamera, EventCameras, Keypoints, Sync, SyncSummary
 from imocap_core.camera.projection import Lens
+from imocap_core.motion import event_rig
 from imocap_core.motion.event_calibration import EventCalibration, EventProblem, Progress, calibrate
 from imocap_core.motion.event_clock import Clock, clock_of
-from imocap_core.motion.event_rig import (
-    FOCAL,
-    OFFSET,
-    ROTATION,
-    CameraRig,
-    EventVideo,
-    bone_lengths,
-    bones_of,
-    typical_lengths,
-)
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, mean_change
 from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
@@ -61,9 +52,9 @@ def calibrated_round(
     """
     sync, motion = first_sync, first.motion
     names = list(dict.fromkeys(problem.scene.body.keypoints.names))
-    clock = clock_of_participants(problem, sync)
+    clock = _clock_of_participants(problem, sync)
     task, start = _calibration_problem(
-        problem, motion, names, clock, offset_by_sound(problem, sync)
+        problem, motion, names, clock, _offset_by_sound(problem, sync)
     )
     solved = calibrate(task, start, progress)
     rig = solved.rig.with_lengths_of(task.prior.lengths)
@@ -93,10 +84,10 @@ def _calibration_problem(
     names: Sequence[str],
     clock: Clock,
     by_sound: Bool[np.ndarray, " M"],
-) -> tuple[EventProblem, CameraRig]:
+) -> tuple[EventProblem, event_rig.CameraRig]:
     """The calibration's problem and its start, the keypoints of the motion so far."""
     assert motion.common is not None
-    scene, bones = problem.scene_of(motion), bones_of(names)
+    scene, bones = problem.scene_of(motion), event_rig.bones_of(names)
     assumed_K = np.stack([o.K for o in problem.scene.observations])
     observations = scene.observations
     points = scene.body.positions(scene.body.keypoints, motion.common)[0].cpu().numpy()
@@ -104,12 +95,14 @@ def _calibration_problem(
     moments = np.arange(0, len(points), -(-len(points) // MOST_MOMENTS))
     K, R, t = (x.cpu().numpy() for x in (motion.cameras.K, motion.cameras.R, motion.cameras.t))
     videos = len(observations)
-    start = CameraRig(
+    start = event_rig.CameraRig(
         K, R, t, np.zeros(videos), clock.offset, clock.rate, np.zeros((videos, len(names), 2)),
         points[moments][:, columns], np.zeros(len(bones)),
     )  # fmt: skip
     everywhere = np.ones((len(moments), len(names)), dtype=bool)
-    body_lengths = typical_lengths(bone_lengths(start.points, everywhere, bones))
+    body_lengths = event_rig.typical_lengths(
+        event_rig.bone_lengths(start.points, everywhere, bones)
+    )
     corrected = [v.lens is not None for v in problem.participants.camera_motion.videos]
     sd_s = np.where(by_sound, SOUND_SD_S, MATCHES_SD_S)
     task = EventProblem(
@@ -128,7 +121,7 @@ def _calibration_problem(
 
 def _event_video(
     observation: Observation, columns: Sequence[str], names: Sequence[str]
-) -> EventVideo:
+) -> event_rig.EventVideo:
     """A video's keypoints, one column a name: several layouts have points of one name."""
     weight = observation.confidence / observation.sigma_px[:, None] ** 2
     weight = np.where(np.isfinite(observation.xy_px).all(-1), weight, 0.0)
@@ -139,10 +132,12 @@ def _event_video(
         better = weight[:, column] > merged[:, place]
         xy_px[better, place] = observation.xy_px[better, column]
         merged[better, place] = weight[better, column]
-    return EventVideo(xy_px, merged, observation.size_px)
+    return event_rig.EventVideo(xy_px, merged, observation.size_px)
 
 
-def _undistorted(observations: Sequence[Observation], rig: CameraRig) -> list[Observation]:
+def _undistorted(
+    observations: Sequence[Observation], rig: event_rig.CameraRig
+) -> list[Observation]:
     rows = zip(observations, rig.K, rig.distortion, strict=True)
     return [replace(o, xy_px=Lens.of([k], K).undistorted(o.xy_px)) if k else o for o, K, k in rows]
 
@@ -160,16 +155,16 @@ def _stored(
             offset_frames=float(rig.offset[v]),
             rate=float(rig.rate[v]),
             median_px=float(solved.median_px[v]),
-            focal_sd=float(sd[v, FOCAL]),
-            rotation_sd_deg=float(np.degrees(np.linalg.norm(sd[v, ROTATION]))),
-            offset_sd_s=float(sd[v, OFFSET] / fps[v]),
+            focal_sd=float(sd[v, event_rig.FOCAL]),
+            rotation_sd_deg=float(np.degrees(np.linalg.norm(sd[v, event_rig.ROTATION]))),
+            offset_sd_s=float(sd[v, event_rig.OFFSET] / fps[v]),
         )
         for v, name in enumerate(ids)
     ]
     return EventCameras(cameras=cameras, status=solved.status)
 
 
-def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
+def _clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
     """The clock whose lines the correspondences are."""
     matches, observations = problem.participants.sync(sync), problem.scene.observations
     return clock_of(
@@ -180,7 +175,7 @@ def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
     )
 
 
-def offset_by_sound(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
+def _offset_by_sound(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
     """The participants whose offset to the reference is known by their sound."""
     ids = problem.participants.sync(sync).ids
     if sync.sound_start_s is None:

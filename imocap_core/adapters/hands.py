@@ -73,19 +73,19 @@ def hands_problem(
         body.shape(torch.as_tensor(motions[reference].betas).to(body.v_template))
     )
     videos = {
-        v.id: arms_and_hands(v, moving[v.id], solved[v.id], motions[v.id], skeleton)
+        v.id: _arms_and_hands(v, moving[v.id], solved[v.id], motions[v.id], skeleton)
         for v in keypoints.videos
     }
-    together = members_of(sync)
+    together = _members_of(sync)
     groups = [HandGroup([i], [videos[i]], None, 0) for i in videos if i not in together]
     if together:
         arms = [videos[i] for i in together]
-        timeline = timeline_of(sync, together)
+        timeline = _timeline_of(sync, together)
         groups.insert(0, HandGroup(together, arms, timeline, together.index(reference)))
     return HandsProblem(skeleton, groups)
 
 
-def arms_and_hands(
+def _arms_and_hands(
     video: VideoKeypoints,
     moving: VideoCameraMotion,
     camera: Camera,
@@ -122,7 +122,7 @@ def _hand_keypoints(video: VideoKeypoints) -> HandKeypoints:
     return HandKeypoints(xy_px=nothing, confidence=np.zeros(nothing.shape[:3]))
 
 
-def members_of(sync: SyncSummary) -> list[str]:
+def _members_of(sync: SyncSummary) -> list[str]:
     """Videos that share their hands' motion: matched, as filmed, and at least two of them.
 
     A mirrored video's hands are fitted by themselves, like those of an excluded one.
@@ -132,7 +132,7 @@ def members_of(sync: SyncSummary) -> list[str]:
     return together if len(together) > 1 and sync.reference in together else []
 
 
-def timeline_of(sync: SyncSummary, ids: list[str]) -> Timeline:
+def _timeline_of(sync: SyncSummary, ids: list[str]) -> Timeline:
     """Correspondences of some videos, the reference among them."""
     maps = {m.id: m for m in sync.maps}
     length = sync.lengths[sync.ids.index(sync.reference)]

@@ -14,14 +14,7 @@ from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, VideoKeypoin
 from imocap_core.io.video import read_sound
 from imocap_core.motion.event_clock import Clock, clock_of
 from imocap_core.pipeline.action import AnchorEntry, ForbiddenEntry
-from imocap_core.sync import Anchor, Hints
-from imocap_core.sync.sound import (
-    RATE_HZ,
-    PairOffset,
-    consistent_offsets,
-    onset_envelope,
-    pair_offsets,
-)
+from imocap_core.sync import Anchor, Hints, sound
 
 
 def hints_of(
@@ -101,10 +94,10 @@ def event_sound(files: Mapping[str, Path | None], keypoints: Keypoints) -> Event
     envelopes: list[Float[np.ndarray, " _"] | None] = []
     for video in ids:
         file = files.get(video)
-        samples = None if file is None or not file.is_file() else read_sound(file, RATE_HZ)
-        envelopes.append(None if samples is None else onset_envelope(samples))
-    pairs = pair_offsets(envelopes)
-    start_s = consistent_offsets(pairs, len(ids))
+        samples = None if file is None or not file.is_file() else read_sound(file, sound.RATE_HZ)
+        envelopes.append(None if samples is None else sound.onset_envelope(samples))
+    pairs = sound.pair_offsets(envelopes)
+    start_s = sound.consistent_offsets(pairs, len(ids))
     silent = [i for i, e in zip(ids, envelopes, strict=True) if e is None or not e.any()]
     return EventSound(start_s, _notes(ids, silent, pairs, start_s))
 
@@ -145,7 +138,7 @@ def _anchors(
 def _notes(
     ids: list[str],
     silent: list[str],
-    pairs: Mapping[tuple[int, int], PairOffset],
+    pairs: Mapping[tuple[int, int], sound.PairOffset],
     start_s: Float[np.ndarray, " M"],
 ) -> list[str]:
     notes = []

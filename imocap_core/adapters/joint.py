@@ -8,12 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.adapters.hypotheses import (
-    chosen_motions,
-    explained_detections,
-    explained_keypoints,
-    left_right_swaps,
-)
+from imocap_core.adapters import hypotheses
 from imocap_core.adapters.observations import (
     body_for,
     estimated_joints,
@@ -182,9 +177,9 @@ def problem_of(
     motion = replace(motion, objective="single") if event else motion
     model = body_for(keypoints, device).model
     chosen = sync.alternatives
-    motions = initial.model_copy(update={"videos": chosen_motions(initial, chosen)})
-    camera_motion = explained_detections(initial, keypoints, camera_motion, chosen)
-    keypoints = explained_keypoints(initial, keypoints, chosen)
+    motions = initial.model_copy(update={"videos": hypotheses.chosen_motions(initial, chosen)})
+    camera_motion = hypotheses.explained_detections(initial, keypoints, camera_motion, chosen)
+    keypoints = hypotheses.explained_keypoints(initial, keypoints, chosen)
     participants = participants_of(keypoints, camera_motion, motions, sync, model)
     fit = fit_of(participants.keypoints, fit)
     body = body_for(participants.keypoints, device)  # an excluded video's layout may be another
@@ -196,7 +191,7 @@ def problem_of(
         estimated_joints(participants.initial),
         participants.initial.path_units,
     )
-    swaps, videos = left_right_swaps(initial, chosen), participants.keypoints.videos
+    swaps, videos = hypotheses.left_right_swaps(initial, chosen), participants.keypoints.videos
     observations = [
         replace(o, swapped=swaps.get(video.id))
         for o, video in zip(observations, videos, strict=True)
@@ -242,7 +237,7 @@ def _beyond_reference(sync: SyncSummary, fps: float) -> list[BeyondReference]:
     return beyond
 
 
-def single_video_sync(video: str, frames: int) -> SyncSummary:
+def _single_video_sync(video: str, frames: int) -> SyncSummary:
     """Correspondences of a video with itself."""
     identity = SyncMap(
         id=video, reference_frame=np.arange(frames, dtype=float), confidence=np.ones(frames)
@@ -309,12 +304,12 @@ def _alone(
 ) -> SolvedGroup:
     """One video as an action of its own."""
     video, together = keypoints.videos[index], refined.motion
-    motions = chosen_motions(initial, refined.sync.alternatives)
+    motions = hypotheses.chosen_motions(initial, refined.sync.alternatives)
     problem = problem_of(
         Keypoints(videos=[video]),
         CameraMotion(videos=[camera_motion.videos[index]]),
         initial.model_copy(update={"videos": [motions[index]]}),
-        single_video_sync(video.id, len(video.frames)),
+        _single_video_sync(video.id, len(video.frames)),
         fit,
         motion,
         device=device,

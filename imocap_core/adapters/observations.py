@@ -31,12 +31,7 @@ from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.conventions import SIDES, SMPL_JOINTS
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS
 from imocap_core.motion.monocular.hypotheses import MotionHypothesis
-from imocap_core.motion.multiview.scene import (
-    Cameras,
-    DeviationSpread,
-    JointMotion,
-    with_intrinsics,
-)
+from imocap_core.motion.multiview import scene
 from imocap_core.motion.observations import Observation, padded, per_video_view
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms.view import project
@@ -271,15 +266,15 @@ def alternatives_of(
     return stored
 
 
-def cameras_of(cameras: Sequence[Camera], template: Tensor) -> Cameras:
+def cameras_of(cameras: Sequence[Camera], template: Tensor) -> scene.Cameras:
     """Stored cameras as one batch; template: gives dtype and device."""
     R, t, K = (np.stack([getattr(camera, name) for camera in cameras]) for name in "RtK")
-    return Cameras(*(torch.as_tensor(x).to(template) for x in (R, t, K)))
+    return scene.Cameras(*(torch.as_tensor(x).to(template) for x in (R, t, K)))
 
 
 def smpl_ba_of(
     body: Body,
-    motion: JointMotion,
+    motion: scene.JointMotion,
     observations: Sequence[Observation],
     keypoints: Keypoints,
     reference: str,
@@ -290,7 +285,7 @@ def smpl_ba_of(
     paths = [none if o.centre_m is None else o.centre_m for o in observations]
     solution = (motion.cameras.K, motion.cameras.R, motion.cameras.t)
     rows = zip(ids, *(x.cpu().numpy() for x in solution), paths, strict=True)
-    solved = with_intrinsics(observations, motion.cameras)
+    solved = scene.with_intrinsics(observations, motion.cameras)
     return SmplBa(
         reference=reference,
         model=body.model.name,
@@ -305,7 +300,7 @@ def smpl_ba_of(
     )
 
 
-def _swapped_sides(motion: JointMotion, keypoints: Keypoints) -> list[SwappedSides]:
+def _swapped_sides(motion: scene.JointMotion, keypoints: Keypoints) -> list[SwappedSides]:
     """The stretches of every video whose sides the solve swapped."""
     if not motion.swapped:
         return []
@@ -324,7 +319,7 @@ def _swapped_sides(motion: JointMotion, keypoints: Keypoints) -> list[SwappedSid
 
 def joint_motion_of(
     result: SmplBa, motions: Sequence[VideoMotion], cameras: Sequence[Camera], template: Tensor
-) -> JointMotion:
+) -> scene.JointMotion:
     """A stored result as the core's.
 
     Args:
@@ -334,8 +329,8 @@ def joint_motion_of(
     common, spread = None, None
     if result.common is not None:
         common = _common_state(result.common, template)
-        spread = DeviationSpread(result.common.keypoint_sd_m, result.common.rigid_offset_sd)
-    return JointMotion(
+        spread = scene.DeviationSpread(result.common.keypoint_sd_m, result.common.rigid_offset_sd)
+    return scene.JointMotion(
         state_of(motions, template),
         cameras_of(cameras, template),
         common,
@@ -356,7 +351,7 @@ def _states_of(motion: VideoMotion, result: SmplBa) -> Int[np.ndarray, " T"]:
     return states
 
 
-def _stored_common(motion: JointMotion, ids: list[str]) -> CommonMotion | None:
+def _stored_common(motion: scene.JointMotion, ids: list[str]) -> CommonMotion | None:
     if motion.common is None or motion.spread is None:
         return None
     others = motion.common.other_betas[0]

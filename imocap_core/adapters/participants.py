@@ -30,15 +30,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body import Model
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices
-from imocap_core.motion.state import (
-    mirrored_boxes,
-    mirrored_covariance,
-    mirrored_extrinsics,
-    mirrored_joints,
-    mirrored_pixels,
-    mirrored_pose,
-    mirrored_translation,
-)
+from imocap_core.motion import state
 
 
 @dataclass(frozen=True)
@@ -107,14 +99,14 @@ class Participants:
         by_id = {}
         for video, of_video in zip(self.keypoints.videos, joints, strict=True):
             mirrored = video.id in self.mirrored
-            by_id[video.id] = mirrored_joints(of_video) if mirrored else of_video
+            by_id[video.id] = state.mirrored_joints(of_video) if mirrored else of_video
         return [by_id.get(v.id, v.joints) for v in self.all_initial.videos]
 
     def filmed_covariance(
         self, video: str, covariance: Float[np.ndarray, "_ 24 3 3"]
     ) -> Float[np.ndarray, "_ 24 3 3"]:
         """Covariances of a participant's joints, from as solved to as filmed."""
-        return mirrored_covariance(covariance) if video in self.mirrored else covariance
+        return state.mirrored_covariance(covariance) if video in self.mirrored else covariance
 
     def _reflected(self, motion: VideoMotion) -> VideoMotion:
         return mirrored_motion(motion, self.body) if motion.id in self.mirrored else motion
@@ -163,16 +155,16 @@ def mirrored_motion(motion: VideoMotion, body: Model) -> VideoMotion:
     rest = body.shape(betas).joints_rest[..., 0, :].cpu().numpy().reshape(3)
     return motion.model_copy(
         update={
-            "theta": mirrored_pose(motion.theta),
-            "trans": mirrored_translation(motion.trans, rest),
-            "joints": mirrored_joints(motion.joints),
+            "theta": state.mirrored_pose(motion.theta),
+            "trans": state.mirrored_translation(motion.trans, rest),
+            "joints": state.mirrored_joints(motion.joints),
         }
     )
 
 
 def mirrored_camera(camera: Camera) -> Camera:
     """The camera that films the mirror image of the world and shows the mirror image."""
-    R, t = mirrored_extrinsics(camera.R, camera.t)
+    R, t = state.mirrored_extrinsics(camera.R, camera.t)
     path = camera.path_m * (-1.0, 1.0, 1.0)
     return camera.model_copy(update={"R": R, "t": t, "path_m": path})
 
@@ -182,10 +174,10 @@ def mirrored_keypoints(video: VideoKeypoints, K: Float[np.ndarray, "3 3"]) -> Vi
     twins = mirror_indices(layout_names(video.layout))
     return video.model_copy(
         update={
-            "xy_px": mirrored_pixels(video.xy_px, K, twins),
+            "xy_px": state.mirrored_pixels(video.xy_px, K, twins),
             "confidence": video.confidence[:, list(twins)],
             "corrected": None,
-            "person_box_px": mirrored_boxes(video.person_box_px, K),
+            "person_box_px": state.mirrored_boxes(video.person_box_px, K),
         }
     )
 
@@ -196,7 +188,7 @@ def mirrored_detections(camera: VideoCameraMotion, layout: str) -> VideoCameraMo
     twins = mirror_indices(layout_names(layout))
     return camera.model_copy(
         update={
-            "xy_first_px": mirrored_pixels(camera.xy_first_px, camera.K, twins),
+            "xy_first_px": state.mirrored_pixels(camera.xy_first_px, camera.K, twins),
             "path": camera.path * (-1.0, 1.0, 1.0),
         }
     )

@@ -9,12 +9,7 @@ from math import nan
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.adapters.hypotheses import (
-    choose_alternatives,
-    chosen_motions,
-    explained_keypoints,
-    keypoints_of_joints,
-)
+from imocap_core.adapters import hypotheses
 from imocap_core.adapters.sync_maps import stored_affinities, stored_maps
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -56,7 +51,7 @@ def evidence_of(
         fps=[video.fps for video in keypoints.videos],
         confidence=_detected(joints, keypoints),
         twins=mirror_indices(SMPL_JOINTS),
-        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+        keypoints=[hypotheses.keypoints_of_joints(video) for video in keypoints.videos],
         heights=_heights(joints, keypoints, cameras),
         hints=hints or Hints(),
     )
@@ -81,14 +76,14 @@ def synchronise_motions(
     evidence = replace(evidence, reference=None if reference is None else ids.index(reference))
     screening = None if decided is None else _screening_of(decided)
     result = synchronise(evidence, params, rng, screening)
-    sync = sync_artifact(result, ids, evidence.fps)
+    sync = _sync_artifact(result, ids, evidence.fps)
     if decided is None:
-        return sync.model_copy(update={"notes": [*sync.notes, *freeze_notes(keypoints)]})
+        return sync.model_copy(update={"notes": [*sync.notes, *_freeze_notes(keypoints)]})
     unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
     return sync.model_copy(update=unchanged)
 
 
-def freeze_notes(keypoints: Keypoints) -> list[str]:
+def _freeze_notes(keypoints: Keypoints) -> list[str]:
     """A sentence for every freeze frame of every video."""
     return [
         f"{video.id} shows one picture for {(b - a + 1) / video.fps:.1f} s (frames "
@@ -100,7 +95,7 @@ def freeze_notes(keypoints: Keypoints) -> list[str]:
 
 def distinct_pictures(video: VideoKeypoints) -> DistinctFrames:
     """The distinct pictures of a video, by its keypoints."""
-    points = keypoints_of_joints(video)
+    points = hypotheses.keypoints_of_joints(video)
     frozen = frozen_runs(points.xy_px, points.weight > 0, video.fps)
     return distinct_frames(frozen, len(video.frames))
 
@@ -126,7 +121,7 @@ def _heights(
     for v, (of_video, video) in enumerate(zip(joints, keypoints.videos, strict=True)):
         if cameras is not None:
             video = video.model_copy(update={"xy_px": cameras.videos[v].xy_first_px})
-        points = keypoints_of_joints(video)
+        points = hypotheses.keypoints_of_joints(video)
         h = picture_heights(points.xy_px, points.weight, of_video, trunk, video.fps)
         heights.append(h)
     return heights
@@ -151,10 +146,10 @@ def synchronise_joints(
         twins=mirror_indices(SMPL_JOINTS),
         reference=None if reference is None else list(ids).index(reference),
     )
-    return sync_artifact(synchronise(evidence, params, rng), ids, fps)
+    return _sync_artifact(synchronise(evidence, params, rng), ids, fps)
 
 
-def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
+def _sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
     """The artifact of a synchronisation; ids, fps: of the videos, in its order."""
     return Sync(
         reference=ids[result.reference],
@@ -246,9 +241,9 @@ def synchronise_monocular(
     Args:
         mirrored: per video True or False where action.yaml states it.
     """
-    chosen = choose_alternatives(initial, keypoints, mirrored)
-    joints = [motion.joints for motion in chosen_motions(initial, chosen.names)]
-    keypoints = explained_keypoints(initial, keypoints, chosen.names)
+    chosen = hypotheses.choose_alternatives(initial, keypoints, mirrored)
+    joints = [motion.joints for motion in hypotheses.chosen_motions(initial, chosen.names)]
+    keypoints = hypotheses.explained_keypoints(initial, keypoints, chosen.names)
     evidence = evidence_of(joints, keypoints, params, hints, cameras)
     evidence = replace(evidence, mirrored=mirrored)
     sync = synchronise_motions(evidence, keypoints, params, rng, reference=reference)

@@ -25,18 +25,7 @@ from imocap_core.io.video import read_rgb_of
 from imocap_core.lifter.infer import lift
 from imocap_core.lifter.lifter_network import can_lift, joints_seen, load_lifter, to_common
 from imocap_core.params import KeypointsParams
-from imocap_core.people.appearance import (
-    Appearances,
-    appearance_of,
-    join_by_appearance,
-    swap_after_meetings,
-)
-from imocap_core.people.left_right import (
-    limbs_of,
-    swap_sides,
-    swapped_arms_and_legs,
-    swapped_frames,
-)
+from imocap_core.people import appearance, left_right
 from imocap_core.people.performer import (
     FramePlace,
     PerformerKeypoints,
@@ -149,8 +138,8 @@ def track_people(
     if video is not None and params.looks and several:
         tracks = [track for _, track in ranked]
         appearances = _appearances_of(video, detected, tracks)
-        tracks, appearances = swap_after_meetings(tracks, appearances)
-        tracks, _ = join_by_appearance(tracks, appearances)
+        tracks, appearances = appearance.swap_after_meetings(tracks, appearances)
+        tracks, _ = appearance.join_by_appearance(tracks, appearances)
         ranked = rank(tracks, len(detected.people), detected.size)
     return replace(detected, ranked=ranked)
 
@@ -250,13 +239,15 @@ def _cleaned(
         confidence = np.where(lost[:, None], 0.0, confidence)
         note += f"; in {lost.sum()} frames the detector lost the body"
     if params.sides == "repair" or (params.sides == "auto" and video.layout in SWAPPING_LAYOUTS):
-        limbs, count = limbs_of(names), 0
+        limbs, count = left_right.limbs_of(names), 0
         for pairs in limbs:
-            frames = swapped_frames(xy, size, pairs, video.fps)
-            xy, confidence = swap_sides(xy, confidence, frames, pairs)
+            frames = left_right.swapped_frames(xy, size, pairs, video.fps)
+            xy, confidence = left_right.swap_sides(xy, confidence, frames, pairs)
             count += int(frames.sum())
-        for pairs, frames in zip(limbs, swapped_arms_and_legs(xy, size, names), strict=False):
-            xy, confidence = swap_sides(xy, confidence, frames, pairs)
+        for pairs, frames in zip(
+            limbs, left_right.swapped_arms_and_legs(xy, size, names), strict=False
+        ):
+            xy, confidence = left_right.swap_sides(xy, confidence, frames, pairs)
             count += int(frames.sum())
         note += f"; left and right of a limb put back in {count} frames" if count else ""
     return replace(performer, xy_px=xy, confidence=confidence, note=note)
@@ -264,7 +255,7 @@ def _cleaned(
 
 def _appearances_of(
     video: Path, detected: TrackedVideo, tracks: Sequence[PersonTrack]
-) -> list[Appearances]:
+) -> list[appearance.Appearances]:
     """The appearance of everybody tracked, every `APPEARANCE_STEP_S`."""
     step = max(1, round(APPEARANCE_STEP_S * detected.fps))
     first, last = int(detected.frames[0]), int(detected.frames[-1])
@@ -274,5 +265,5 @@ def _appearances_of(
         frame = number - first
         for of_track, pose_in in zip(appearances, poses, strict=True):
             if frame in pose_in:
-                of_track[frame] = appearance_of(picture, pose_in[frame])
+                of_track[frame] = appearance.appearance_of(picture, pose_in[frame])
     return list(appearances)

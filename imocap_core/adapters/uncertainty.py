@@ -29,11 +29,7 @@ from imocap_core.biomechanics.joint_angles import mirrored_rotation_covariance, 
 from imocap_core.body import Model
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.metrics.calibration import along_and_across, total_sigma
-from imocap_core.motion.multiview.leave_one_out import (
-    Prediction,
-    predicted_by_others,
-    predicted_limbs,
-)
+from imocap_core.motion.multiview import leave_one_out
 from imocap_core.motion.observability import AZIMUTHS_DEG, ViewpointReport, weak_spans
 from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
@@ -83,11 +79,11 @@ def leave_one_out_of(groups: Sequence[SolvedGroup]) -> list[PredictedVideo]:
         return rows
     for group in groups:
         problem, solution = group.problem, group.solution
-        by_others: list[Prediction | None] = [None] * len(group.ids)
+        by_others: list[leave_one_out.Prediction | None] = [None] * len(group.ids)
         if solution.common is not None:
             scene = problem.scene_of(solution)
-            by_others = [*predicted_by_others(scene, solution, problem.options)]
-        limbs = predicted_limbs(problem.scene, problem.start)
+            by_others = [*leave_one_out.predicted_by_others(scene, solution, problem.options)]
+        limbs = leave_one_out.predicted_limbs(problem.scene, problem.start)
         for video, others, per_video in zip(group.ids, by_others, limbs, strict=True):
             rows.append(
                 PredictedVideo(

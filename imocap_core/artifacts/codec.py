@@ -91,7 +91,7 @@ FORMS: dict[str, TypeAdapter[Any]] = {
 }
 
 
-def check_provenance(provenance: Mapping[str, str]) -> None:
+def _check_provenance(provenance: Mapping[str, str]) -> None:
     """ArtifactCorrupt when a part of the recipe is not of its form; parts may be missing."""
     for name, form in FORMS.items():
         try:
@@ -260,7 +260,7 @@ def _collect(data: bytes) -> Content:
     if not whole or not header:
         raise ArtifactCorrupt("ends before its data section does")
     check_names(record.name for record in attached)
-    check_provenance(provenance)
+    _check_provenance(provenance)
     files = {record.name: record.data for record in attached}
     return Content(kind, header, arrays, provenance, files)
 

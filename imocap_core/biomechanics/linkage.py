@@ -275,7 +275,7 @@ def segment_masses(
     Args:
         vertices_m: of the rest pose. owners: per vertex the joint that moves it most.
     """
-    total = DENSITY_KG_M3 * volume_m3(vertices_m, faces)
+    total = DENSITY_KG_M3 * _volume_m3(vertices_m, faces)
     shares = _shares()
     masses = {}
     for name, link in links.items():
@@ -289,7 +289,7 @@ def segment_masses(
     return masses
 
 
-def volume_m3(vertices_m: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
+def _volume_m3(vertices_m: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
     """Volume inside a closed surface: the sum of the signed tetrahedra from its triangles."""
     a, b, c = (vertices_m[faces[:, k]] for k in range(3))
     return float((a * np.cross(b, c)).sum() / 6)

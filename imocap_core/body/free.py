@@ -60,10 +60,10 @@ def _arrays() -> dict[str, np.ndarray]:
 def _digest(prefix: str) -> str:
     arrays = _arrays()
     names = ("v_template", "shapedirs", f"{prefix}weights", f"{prefix}J_regressor")
-    return digest_of(arrays[name] for name in (*names, f"{prefix}kintree_table"))
+    return _digest_of(arrays[name] for name in (*names, f"{prefix}kintree_table"))
 
 
-def digest_of(arrays: Iterable[np.ndarray]) -> str:
+def _digest_of(arrays: Iterable[np.ndarray]) -> str:
     """SHA-256 over shapes, types and values: the same for the same body on every machine."""
     total = hashlib.sha256()
     for array in arrays:

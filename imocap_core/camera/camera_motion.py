@@ -119,7 +119,7 @@ def estimate_camera_motion(
         R = chain(matches, _all_rotations(matches, still.K))
         return _translating(still, R, test.words + unmatched)
     unmatched += "" if test is None else f"; {test.words}"
-    solved = None if focal_px else solve_focal(matches, size)
+    solved = None if focal_px else _solve_focal(matches, size)
     if solved:
         solved_start = replace(still, K=intrinsics(solved, size), focal_source="rotation")
         rotating = _simplest_motion(matches, solved_start, threshold_px, unmatched)
@@ -201,7 +201,7 @@ def _zooming(
     )
 
 
-def solve_focal(matches: Sequence[Matches], size: tuple[int, int]) -> float | None:
+def _solve_focal(matches: Sequence[Matches], size: tuple[int, int]) -> float | None:
     """Self-calibration of a rotating camera: the focal length (px) that makes the homographies
     rotations; None when the matches do not determine it.
 

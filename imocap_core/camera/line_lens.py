@@ -233,7 +233,7 @@ def line_lens(chains: Sequence[Float[np.ndarray, "_ 2"]], size: tuple[int, int])
     if len(chains) < 3:
         return None
     length = np.array([len(chain) for chain in chains], float)
-    cost = np.asarray(geman_mcclure(bends_px(chains, size) ** 2, STRAIGHT_PX)[0]) * length[:, None]
+    cost = np.asarray(geman_mcclure(_bends_px(chains, size) ** 2, STRAIGHT_PX)[0]) * length[:, None]
     part = _parts(chains, size)
     per_part = np.stack([cost[part == p].sum(axis=0) for p in range(PARTS**2)])
     best = _lowest(per_part.sum(axis=0))
@@ -251,7 +251,7 @@ def line_lens(chains: Sequence[Float[np.ndarray, "_ 2"]], size: tuple[int, int])
     )
 
 
-def bends_px(
+def _bends_px(
     chains: Sequence[Float[np.ndarray, "_ 2"]], size: tuple[int, int]
 ) -> Float[np.ndarray, "C D"]:
     """Root mean square distance of each chain's points from a line, without each distortion of

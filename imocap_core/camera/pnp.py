@@ -49,7 +49,7 @@ def errors_px(
     return np.where(np.isfinite(distance), distance, np.inf)
 
 
-def robust_cost(
+def _robust_cost(
     evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"], scale_px: float
 ) -> float:
     """Weighted Geman-McClure cost, at most ``scale_px**2`` a point."""
@@ -72,7 +72,7 @@ def refine(
     """
     start = float(np.median(errors_px(evidence, R, t)))
     scale = max(scale_px, min(2.0 * start, 20.0 * scale_px))
-    damping, cost = 1e-4, robust_cost(evidence, R, t, scale)
+    damping, cost = 1e-4, _robust_cost(evidence, R, t, scale)
     for _ in range(iterations):
         normal, gradient = _normal_equations(evidence, R, t, scale, turn=turn)
         lifted = normal + damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
@@ -81,7 +81,7 @@ def refine(
         # the increment rotates about the points' centroid, see _normal_equations
         pivot = camera_from_world(evidence.x_world.mean(0), R, np.zeros(3))
         t_new = t + step[:3] + (pivot - R_new @ R.T @ pivot)
-        new_cost = robust_cost(evidence, R_new, t_new, scale)
+        new_cost = _robust_cost(evidence, R_new, t_new, scale)
         if new_cost <= cost:
             small = cost - new_cost <= 1e-9 * cost
             R, t, cost, damping = R_new, t_new, new_cost, max(damping * 0.2, 1e-9)
@@ -93,7 +93,7 @@ def refine(
                 return R, t, scale == scale_px
         if scale > scale_px:
             scale = max(scale_px, 0.8 * scale)
-            cost = robust_cost(evidence, R, t, scale)
+            cost = _robust_cost(evidence, R, t, scale)
     return R, t, False
 
 
@@ -256,7 +256,7 @@ def _translation(
             continue
         t = _linear_translation(part, R, part.weight)
         # with a wide scale: a candidate from one run is inaccurate in all other frames
-        cost = robust_cost(evidence, R, t, 4.0 * scale_px)
+        cost = _robust_cost(evidence, R, t, 4.0 * scale_px)
         if cost < best_cost:
             best_t, best_cost = t, cost
     return best_t

@@ -100,7 +100,7 @@ class TripodCamera:
         log_focal = self.log_focal + self.log_zoom
         focal = log_focal[points.a], log_focal[points.b]
         straight = points.straightened(self.distortion)
-        return transfer_errors_px(*straight, *focal, self.R[points.a], self.R[points.b])
+        return _transfer_errors_px(*straight, *focal, self.R[points.a], self.R[points.b])
 
     def retracted(self, change: Float[np.ndarray, " n"]) -> TripodCamera:
         """After increments [focal, distortion, zooms, rotations ``R <- R exp(change)``]."""
@@ -114,7 +114,7 @@ class TripodCamera:
         )
 
 
-def transfer_errors_px(
+def _transfer_errors_px(
     points: PairPoints,
     lens: Lens | None,
     log_focal_a: Float[np.ndarray, " P"],
@@ -136,7 +136,7 @@ def transfer_errors_px(
     return np.asarray(np.clip(shown - points.xy_a, -FAR_PX, FAR_PX))
 
 
-def chained_tripod(
+def _chained_tripod(
     pairs: Sequence[TrackedPair], keys: int, size: tuple[int, int], focal_px: float
 ) -> TripodCamera:
     """Rotations and zooms from one key frame to the next, at an assumed focal length.
@@ -224,7 +224,7 @@ def fit_tripod(
     """
     assumed = focal_px or float(max(size))
     problem = _problem(pairs, keys, size, focal_px, straight)
-    chained = chained_tripod(pairs, keys, size, assumed)
+    chained = _chained_tripod(pairs, keys, size, assumed)
     fits = []
     for camera in (chained, replace(chained, log_zoom=np.zeros(keys))):
         for scale in SCALES_PX:
@@ -233,7 +233,7 @@ def fit_tripod(
     return min(fits, key=lambda fit: problem.cost(fit, SCALES_PX[-1]))
 
 
-def refit_tripod(
+def _refit_tripod(
     pairs: Sequence[TrackedPair],
     size: tuple[int, int],
     focal_px: float | None,
@@ -249,7 +249,7 @@ def refit_tripod(
     return camera
 
 
-def distortion_sd(
+def _distortion_sd(
     pairs: Sequence[TrackedPair],
     size: tuple[int, int],
     focal_px: float | None,
@@ -324,7 +324,7 @@ def _jacobian(
 
     def change(of: Any = straight, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
         values = dict(zip(("focal_a", "focal_b", "R_a", "R_b"), now, strict=True)) | moved
-        return (transfer_errors_px(*of, *values.values()) - error) / DIFFERENCE
+        return (_transfer_errors_px(*of, *values.values()) - error) / DIFFERENCE
 
     J = np.zeros((len(error), 2, 2 + 4 * keys))
     by_a, by_b = change(focal_a=now[0] + DIFFERENCE), change(focal_b=now[1] + DIFFERENCE)
@@ -416,8 +416,8 @@ def turning_lens(
         return None
     gains, before, fitted = [], [], []
     for fit_to, other in (pairs, pairs[::-1]):
-        bent = refit_tripod(fit_to, size, focal_px, tripod)
-        straight = refit_tripod(fit_to, size, focal_px, tripod, straight=True)
+        bent = _refit_tripod(fit_to, size, focal_px, tripod)
+        straight = _refit_tripod(fit_to, size, focal_px, tripod, straight=True)
         points = PairPoints.of(other, size)
         costs = [_cost(camera, points) for camera in (straight, bent)]
         gains.append(costs[0] - costs[1])
@@ -432,7 +432,7 @@ def turning_lens(
             np.linalg.norm(
                 [
                     MODEL_SD,
-                    distortion_sd([*pairs[0], *pairs[1]], size, focal_px, tripod),
+                    _distortion_sd([*pairs[0], *pairs[1]], size, focal_px, tripod),
                     _systematic_sd([*pairs[0], *pairs[1]], size, tripod),
                 ]
             )

@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     from imocap_core.cli.app import command_line
 
-    print_any_character()
+    _print_any_character()
     everywhere, rest = hoisted([*(arguments or []), *sys.argv[1:]])
     words = everywhere + rest
     try:
@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def print_any_character() -> None:
+def _print_any_character() -> None:
     """What the terminal's encoding lacks is printed as a question mark, after hours of work too."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

@@ -9,37 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from imocap_core.cli.action_commands import (
-    clean_command,
-    collect_command,
-    detect_command,
-    init_command,
-    list_command,
-    people_command,
-    pick_command,
-)
-from imocap_core.cli.reference_commands import (
-    add_benchmarks,
-    doctor_command,
-    formats_command,
-    params_command,
-)
-from imocap_core.cli.result_commands import (
-    angles_command,
-    compare_command,
-    export_command,
-    report_command,
-    sync_command,
-    video_command,
-    view_command,
-)
-from imocap_core.cli.run_commands import (
-    explain_command,
-    run_all_command,
-    run_command,
-    stage_command,
-    status_command,
-)
+from imocap_core.cli import action_commands, reference_commands, result_commands, run_commands
 from imocap_core.errors import WrongUse
 from imocap_core.version import __version__
 
@@ -52,31 +22,31 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
-    init_command,
-    collect_command,
-    pick_command,
-    run_command,
-    run_all_command,
-    view_command,
-    export_command,
-    angles_command,
-    video_command,
-    report_command,
-    compare_command,
-    sync_command,
-    status_command,
-    list_command,
-    explain_command,
-    stage_command,
-    detect_command,
-    people_command,
-    params_command,
-    formats_command,
-    clean_command,
+    action_commands.init_command,
+    action_commands.collect_command,
+    action_commands.pick_command,
+    run_commands.run_command,
+    run_commands.run_all_command,
+    result_commands.view_command,
+    result_commands.export_command,
+    result_commands.angles_command,
+    result_commands.video_command,
+    result_commands.report_command,
+    result_commands.compare_command,
+    result_commands.sync_command,
+    run_commands.status_command,
+    action_commands.list_command,
+    run_commands.explain_command,
+    run_commands.stage_command,
+    action_commands.detect_command,
+    action_commands.people_command,
+    reference_commands.params_command,
+    reference_commands.formats_command,
+    action_commands.clean_command,
 ):
     app.command(_command.__name__.removesuffix("_command").replace("_", "-"))(_command)
-add_benchmarks(app)
-app.command("doctor")(doctor_command)
+reference_commands.add_benchmarks(app)
+app.command("doctor")(reference_commands.doctor_command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from imocap_core.library.doctor import Check
 
 
-def group_names(incomplete: str) -> list[str]:
+def _group_names(incomplete: str) -> list[str]:
     """The groups of parameters that begin with some letters, for the shell."""
     from dataclasses import fields
 
@@ -31,7 +31,7 @@ def params_command(
     context: typer.Context,
     group: Annotated[
         str | None,
-        typer.Argument(help="Only this group, as sync or motion.", autocompletion=group_names),
+        typer.Argument(help="Only this group, as sync or motion.", autocompletion=_group_names),
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from imocap_core.cli.options import (
-    ActionName,
-    Json,
-    ResultSets,
-    Sets,
-    action_names,
-    print_json,
-    progress_on,
-    root_of,
-    speaker,
-    wait_until_done,
-)
+from imocap_core.cli import options
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
 
@@ -36,7 +25,7 @@ if TYPE_CHECKING:
 
 def view_command(
     context: typer.Context,
-    action: ActionName,
+    action: options.ActionName,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="File to write to (default: viewer.html in the report)."),
@@ -50,7 +39,7 @@ def view_command(
     serve: Annotated[
         bool, typer.Option("--serve", help="Follow a run on a page, until Ctrl-C.")
     ] = False,
-    sets: ResultSets = [],  # noqa: B006
+    sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Write the 3D viewer of an action, one HTML file.
 
@@ -60,19 +49,19 @@ def view_command(
     if serve:
         if out is not None:
             raise WrongUse("--serve shows the viewer on a page; leave out --out")
-        _serve(action, root_of(context), sets, open_page)
+        _serve(action, options.root_of(context), sets, open_page)
         return
     from rich.markup import escape
 
     from imocap_core.library.outputs import view
 
-    console = speaker()
+    console = options.speaker()
     with console.status("") as status:
         viewer = view(
             action,
             out,
             small=small,
-            root=root_of(context),
+            root=options.root_of(context),
             params=sets,
             progress=lambda share, what: status.update(f"viewer: {escape(what)}"),
         )
@@ -92,11 +81,11 @@ def view_command(
 def _serve(action: str, root: Path, sets: list[str], open_page: bool) -> None:
     from imocap_core.pick.live import following
 
-    console = speaker(markup=False)
+    console = options.speaker(markup=False)
     with following(action, root, sets, console.print) as served:
         console.print(f"Follow {action} at {served.address}")
         console.print("The address is for you alone. Ctrl-C ends it.")
-        wait_until_done(served, open_page)
+        options.wait_until_done(served, open_page)
 
 
 FileFormat = Literal[
@@ -118,7 +107,7 @@ FileFormat = Literal[
 
 def export_command(
     context: typer.Context,
-    action: ActionName,
+    action: options.ActionName,
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
     format: Annotated[FileFormat, typer.Option(help="File format.")] = "npz",
     up: Annotated[
@@ -159,12 +148,12 @@ def export_command(
     variation: Annotated[
         bool, typer.Option("--variation", help="The mean and the modes of variation, as clips.")
     ] = False,
-    sets: ResultSets = [],  # noqa: B006
+    sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Write motion, cameras and sync for other programs."""
     from imocap_core.library.outputs import ExportOptions, export
 
-    console = speaker(markup=False)
+    console = options.speaker(markup=False)
     videos = tuple(video or ())
     exported = export(
         action,
@@ -173,7 +162,7 @@ def export_command(
         up=up,
         time=time,
         options=ExportOptions(videos, mean, origin, names, root_bone, lock_feet, variation),
-        root=root_of(context),
+        root=options.root_of(context),
         params=sets,
         announce=console.print,
     )
@@ -183,22 +172,22 @@ def export_command(
 
 def angles_command(
     context: typer.Context,
-    action: ActionName,
+    action: options.ActionName,
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
-    sets: ResultSets = [],  # noqa: B006
+    sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Write joint angles (ISB), their mean and a figure."""
     from imocap_core.library.outputs import angles
 
-    console = speaker(markup=False)
-    written = angles(action, out, root=root_of(context), params=sets)
+    console = options.speaker(markup=False)
+    written = angles(action, out, root=options.root_of(context), params=sets)
     for line in [*written.notes, *map(str, written.files)]:
         console.print(line)
 
 
 def video_command(
     context: typer.Context,
-    action: ActionName,
+    action: options.ActionName,
     kind: Annotated[
         Literal["overlay", "side-by-side", "both"],
         typer.Option(help="The body over each video, all videos in lock-step, or both."),
@@ -223,12 +212,12 @@ def video_command(
         ),
     ] = None,
     last: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Its end.")] = None,
-    sets: ResultSets = [],  # noqa: B006
+    sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Write overlay and side-by-side films of an action (H.264)."""
     from imocap_core.library.outputs import films, output_folder, write_films
 
-    console = speaker(markup=False)
+    console = options.speaker(markup=False)
     began = time.perf_counter()
     if (first is None) != (last is None):
         raise WrongUse("--from and --to belong together: the ends of a part, in seconds")
@@ -239,7 +228,7 @@ def video_command(
         motion=result,
         opacity=opacity,
         span=None if first is None or last is None else (first, last),
-        root=root_of(context),
+        root=options.root_of(context),
         params=sets,
     )
     with _bars(console) as bars:
@@ -267,31 +256,33 @@ def _bars(console: Console) -> RichProgress:
 
 def report_command(
     context: typer.Context,
-    action: ActionName,
-    sets: ResultSets = [],  # noqa: B006
+    action: options.ActionName,
+    sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Write the report page of an action from its results."""
     from imocap_core.library.outputs import report
 
-    speaker(markup=False).print(str(report(action, root=root_of(context), params=sets)))
+    options.speaker(markup=False).print(
+        str(report(action, root=options.root_of(context), params=sets))
+    )
 
 
 def compare_command(
     context: typer.Context,
-    action: ActionName,
+    action: options.ActionName,
     second: Annotated[
         str | None,
         typer.Argument(
             metavar="[ACTION2]",
             help="The same action by another performer.",
-            autocompletion=action_names,
+            autocompletion=options.action_names,
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder to write to (default: artifacts/ACTION/report/compare)."),
     ] = None,
-    sets: ResultSets = [],  # noqa: B006
+    sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Compare performances of an action, or two performers.
 
@@ -299,8 +290,8 @@ def compare_command(
     """
     from imocap_core.library.outputs import compare
 
-    comparison = compare(action, second, out=out, root=root_of(context), params=sets)
-    console = speaker(markup=False)
+    comparison = compare(action, second, out=out, root=options.root_of(context), params=sets)
+    console = options.speaker(markup=False)
     technique = comparison.technique
     if technique is not None:
         console.print(f"{technique.action}: consistency {technique.consistency:.3f}")
@@ -343,8 +334,8 @@ def sync_command(
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Picture size of keypoints without a video.")
     ] = None,
-    sets: Sets = [],  # noqa: B006
-    as_json: Json = False,
+    sets: options.Sets = [],  # noqa: B006
+    as_json: options.Json = False,
 ) -> None:
     """Synchronise videos without reconstructing motion.
 
@@ -352,8 +343,8 @@ def sync_command(
     """
     from imocap_core.library.synchronising import synchronise_videos
 
-    began, console = time.perf_counter(), speaker()
-    with progress_on(console, as_json) as display:
+    began, console = time.perf_counter(), options.speaker()
+    with options.progress_on(console, as_json) as display:
         done = synchronise_videos(
             sources,
             format=format,
@@ -364,12 +355,12 @@ def sync_command(
             out=out,
             reference=reference,
             repetitions=repetitions,
-            root=root_of(context),
+            root=options.root_of(context),
             params=sets,
             progress=display,
         )
     if as_json:
-        print_json(_document(done))
+        options.print_json(_document(done))
     else:
         _print(done, time.perf_counter() - began)
 
@@ -394,7 +385,7 @@ def _document(done: Synchronised) -> dict[str, object]:
 def _print(done: Synchronised, seconds: float) -> None:
     from rich.markup import escape
 
-    console = speaker()
+    console = options.speaker()
     for note in (*done.notes, *done.sync.notes, done.sync.status):
         console.print(escape(note))
     console.print(_table(done))

@@ -6,21 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from imocap_core.body.layouts import layout_names
+from imocap_core.collect import listing
 from imocap_core.collect.films import LongFilm, look_through
-from imocap_core.collect.listing import (
-    CollectedList,
-    ListedFilm,
-    ListedOccurrence,
-    ListedTemplate,
-    Occurrence,
-    decide,
-    listed_occurrence,
-    listed_shot,
-    occurrence_names,
-    occurrence_of,
-    seconds,
-    shows_same,
-)
 from imocap_core.collect.matching import FilmTracks, Match, film_tracks
 from imocap_core.collect.movement import (
     Example,
@@ -55,7 +42,7 @@ def collect_films(
     params: Params,
     folder: Path,
     display: Display,
-) -> tuple[CollectedList, dict[str, bool]]:
+) -> tuple[listing.CollectedList, dict[str, bool]]:
     """Everything in some films, and of each chosen occurrence whether its shot shows nobody else.
 
     Args:
@@ -89,19 +76,21 @@ def collect_films(
         [film.path for film in films],
         mirror_indices(layout_names(films[0].people.layout)),
     )
-    names = occurrence_names(occurrences, labels([VideoSource(file, None) for file in files]))
+    names = listing.occurrence_names(
+        occurrences, labels([VideoSource(file, None) for file in files])
+    )
     fps = [films[o.film].info.fps for o in occurrences]
-    decisions = decide(occurrences, same_takes, names, fps, params.collect)
+    decisions = listing.decide(occurrences, same_takes, names, fps, params.collect)
     rows = [
-        listed_occurrence(n, o, d, names, f)
+        listing.listed_occurrence(n, o, d, names, f)
         for n, o, d, f in zip(names, occurrences, decisions, fps, strict=True)
     ]
-    collected = CollectedList(
+    collected = listing.CollectedList(
         name=name,
-        template=ListedTemplate(
+        template=listing.ListedTemplate(
             video=declared_path(movement.video, folder),
             frames=movement.frames,
-            seconds=seconds(movement.frames, movement.fps),
+            seconds=listing.seconds(movement.frames, movement.fps),
             given=movement.given,
         ),
         films=[_listed_film(k, film, people, every, rows, folder) for k, film in enumerate(films)],
@@ -112,13 +101,13 @@ def collect_films(
 
 
 def _each_once(
-    matches: Sequence[Match], occurrences: Sequence[Occurrence]
-) -> tuple[list[Match], list[Occurrence]]:
+    matches: Sequence[Match], occurrences: Sequence[listing.Occurrence]
+) -> tuple[list[Match], list[listing.Occurrence]]:
     """Without those that show the same person at the same time, followed twice: the best stays."""
     order = sorted(range(len(matches)), key=lambda i: -occurrences[i].quality)
     chosen_windows: list[int] = []
     for i in order:
-        if not any(shows_same(occurrences[i], occurrences[k]) for k in chosen_windows):
+        if not any(listing.shows_same(occurrences[i], occurrences[k]) for k in chosen_windows):
             chosen_windows.append(i)
     return [matches[i] for i in sorted(chosen_windows)], [
         occurrences[i] for i in sorted(chosen_windows)
@@ -152,11 +141,11 @@ def _movement(
     return example_movement(example, film, people, params.keypoints)
 
 
-def _occurrence(match: Match, films: Sequence[LongFilm], people: FilmTracks) -> Occurrence:
+def _occurrence(match: Match, films: Sequence[LongFilm], people: FilmTracks) -> listing.Occurrence:
     track = people.tracks[match.track]
     alone = len(people.of_shot(track.film, track.shot)) == 1
     shot = films[track.film].shots[track.shot]
-    return occurrence_of(match, track, shot, _MARGIN_S, alone=alone)
+    return listing.occurrence_of(match, track, shot, _MARGIN_S, alone=alone)
 
 
 def _listed_film(
@@ -164,16 +153,16 @@ def _listed_film(
     film: LongFilm,
     people: FilmTracks,
     matches: Sequence[Sequence[Match]],
-    rows: Sequence[ListedOccurrence],
+    rows: Sequence[listing.ListedOccurrence],
     folder: Path,
-) -> ListedFilm:
+) -> listing.ListedFilm:
     shots = []
     for k, shot in enumerate(film.shots):
         tracks = people.of_shot(number, k)
         best = max((m.score for i in tracks for m in matches[i]), default=None)
         of_shot = [row for row in rows if (row.film, row.shot) == (number, k + 1)]
-        shots.append(listed_shot(k, shot, len(tracks), of_shot, best, film.info.fps))
-    return ListedFilm(
+        shots.append(listing.listed_shot(k, shot, len(tracks), of_shot, best, film.info.fps))
+    return listing.ListedFilm(
         video=declared_path(film.path, folder),
         fps=film.info.fps,
         size=film.info.size,

@@ -134,7 +134,7 @@ def _box_overlap(a: Box, b: Box) -> float:
     return both / max(sum(areas) - both, 1e-9)
 
 
-def view_difference_deg(a: Occurrence, b: Occurrence) -> float:
+def _view_difference_deg(a: Occurrence, b: Occurrence) -> float:
     """Angle between the directions of two views, at most 180."""
     return abs((a.azimuth_deg - b.azimuth_deg + 180) % 360 - 180)
 
@@ -216,7 +216,7 @@ def _by_view(occurrences: Sequence[Occurrence], usable: Sequence[int]) -> list[i
         near = [
             k
             for _, _, k in placed
-            if view_difference_deg(occurrences[i], occurrences[k]) < _VIEW_DEG
+            if _view_difference_deg(occurrences[i], occurrences[k]) < _VIEW_DEG
         ]
         placed.append((len(near), -occurrences[i].quality, i))
     return [i for _, _, i in sorted(placed)]
@@ -232,7 +232,7 @@ def _less(
     near = [
         names[k]
         for k in ranked[: params.keep]
-        if view_difference_deg(occurrences[i], occurrences[k]) < _VIEW_DEG
+        if _view_difference_deg(occurrences[i], occurrences[k]) < _VIEW_DEG
     ]
     if near:
         return f"less visible than others of that view ({', '.join(near)})"

@@ -72,7 +72,7 @@ class Transition:
     kind: str
 
 
-def gradual_transitions(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
+def _gradual_transitions(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     """The gradual transitions of a film, from its pictures reduced in size, in order."""
     flat = thumbs.reshape(len(thumbs), -1).astype(np.float32)
     pictures = np.stack([without_bars(thumb) for thumb in thumbs])
@@ -92,7 +92,7 @@ def gradual_transitions(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     return sorted([*fades, *wipes], key=lambda t: t.first)
 
 
-def without_flashes(thumbs: UInt8[np.ndarray, "T h w"]) -> UInt8[np.ndarray, "T h w"]:
+def _without_flashes(thumbs: UInt8[np.ndarray, "T h w"]) -> UInt8[np.ndarray, "T h w"]:
     """The film with bright blank frames replaced by the one before, where the pictures before and
     after them are alike."""
     calm = thumbs.copy()
@@ -226,7 +226,7 @@ def find_shots(pictures: Iterable[UInt8[np.ndarray, "H W"]]) -> list[Shot]:
     reduced = [small(picture) for picture in pictures]
     if not reduced:
         return []
-    thumbs = without_flashes(np.stack(reduced))
+    thumbs = _without_flashes(np.stack(reduced))
     boundaries = _boundaries(thumbs)
     edges = [Transition(0, 0, "start"), *boundaries, Transition(len(thumbs), len(thumbs), "end")]
     return [
@@ -247,7 +247,7 @@ def _boundaries(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
         every = {first + cut for cut in (*find_cuts(pictures), *_faint_cuts(pictures))}
         cuts |= {cut for cut in every if begin <= cut < stop}
         moved = [
-            Transition(first + t.first, first + t.stop, t.kind) for t in gradual_transitions(part)
+            Transition(first + t.first, first + t.stop, t.kind) for t in _gradual_transitions(part)
         ]
         gradual += [t for t in moved if t.stop > begin and t.first < stop]
     merged = _without_overlap(sorted(gradual, key=lambda t: (t.first, t.stop)))

@@ -14,16 +14,7 @@ from jaxtyping import Bool, Float, Int
 from imocap_core.biomechanics.joint_angles import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.model import pose_from_rotations
-from imocap_core.compare import parts
-from imocap_core.compare.compare import (
-    Technique,
-    TechniqueAngles,
-    TechniquePair,
-    in_smpl,
-    pair_angles,
-    technique_angles,
-    variation_of,
-)
+from imocap_core.compare import compare, parts
 from imocap_core.compare.parts import (
     Chance,
     chance_of,
@@ -69,8 +60,8 @@ class Filmed:
 
 
 def pair_page(
-    pair: TechniquePair,
-    angles: tuple[TechniqueAngles, TechniqueAngles],
+    pair: compare.TechniquePair,
+    angles: tuple[compare.TechniqueAngles, compare.TechniqueAngles],
     findings: Sequence[MotionDifference],
     chance: Chance,
 ) -> str:
@@ -98,9 +89,9 @@ def pair_page(
     )
 
 
-def technique_page(
-    t: Technique,
-    angles: TechniqueAngles,
+def _technique_page(
+    t: compare.Technique,
+    angles: compare.TechniqueAngles,
     findings: Sequence[MotionDifference],
     videos: Mapping[str, VideoResult],
     variation: Variation,
@@ -146,7 +137,7 @@ def technique_page(
     )
 
 
-def _filmed(t: Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed]:
+def _filmed(t: compare.Technique, videos: Mapping[str, VideoResult]) -> dict[str, Filmed]:
     """The performances whose files are there."""
     each, shown = t.instances, {}
     for m, name in enumerate(each.ids):
@@ -226,7 +217,7 @@ def _body_entry(
     sole = rest[:, 1].min() - shaped.vertices_rest.numpy()[:, 1].min()
     trans = np.zeros((len(R), 3)) - rest[0]
     trans[:, 1] += sole - joints[..., 1].min(axis=1)
-    theta = pose_from_rotations(torch.as_tensor(in_smpl(R))).numpy()
+    theta = pose_from_rotations(torch.as_tensor(compare.in_smpl(R))).numpy()
     answer = {"shape": 0, "local": block.add(theta, "f4"), "trans": block.add(trans, "f4")}
     return {
         "id": body.name,
@@ -261,14 +252,14 @@ def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
 
 
 def write_technique(
-    out: Path, t: Technique, videos: Mapping[str, VideoResult] | None = None
+    out: Path, t: compare.Technique, videos: Mapping[str, VideoResult] | None = None
 ) -> list[Path]:
     """report.html, joints.csv and performances.csv; the report first.
 
     videos: by id, for their pictures beside the bodies.
     """
     each, names = t.instances, t.instances.joint_names
-    make_folder(out)
+    _make_folder(out)
     parts.write_course(
         out / "joints.csv", each.phase_s, names,
         {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
@@ -277,21 +268,21 @@ def write_technique(
     parts.write_performances(
         out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
     )
-    angles = technique_angles(t)
-    findings, variation = technique_findings(t, angles), variation_of(t, angles.mean)
-    page = technique_page(t, angles, findings, videos or {}, variation)
+    angles = compare.technique_angles(t)
+    findings, variation = technique_findings(t, angles), compare.variation_of(t, angles.mean)
+    page = _technique_page(t, angles, findings, videos or {}, variation)
     (out / "report.html").write_text(page, encoding="utf-8")
     return [out / x for x in ("report.html", "joints.csv", "performances.csv")]
 
 
-def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
+def _from_mean_mm(t: compare.Technique) -> Float[np.ndarray, " M"]:
     """(M,) root mean square distance of a performance from the mean, over joints and moments."""
     squares = (t.mean.shifts**2).sum(-1).mean(-1)
     shown = np.maximum(t.instances.inside.sum(1), 1)
     return np.asarray(1000 * np.sqrt(squares.sum(1) / shown))
 
 
-def _notes(t: Technique, variation: Variation) -> list[str]:
+def _notes(t: compare.Technique, variation: Variation) -> list[str]:
     """What the page says in numbers: consistency, modes, the joints that differ most."""
     names = t.instances.joint_names
     most = parts.moment_sentences(t.instances.phase_s, t.spread_mm, names, "mm")
@@ -305,7 +296,7 @@ def _notes(t: Technique, variation: Variation) -> list[str]:
     ]
 
 
-def make_folder(out: Path) -> None:
+def _make_folder(out: Path) -> None:
     """Make the folder; WorkFailed when it cannot be made."""
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -313,9 +304,9 @@ def make_folder(out: Path) -> None:
         raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
 
 
-def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
+def write_pair(out: Path, pair: compare.TechniquePair) -> list[Path]:
     """report.html and joints.csv of two performers; the report first."""
-    make_folder(out)
+    _make_folder(out)
     parts.write_course(
         out / "joints.csv", pair.phase_s, pair.first.instances.joint_names,
         {
@@ -327,14 +318,14 @@ def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
             ),
         },
     )  # fmt: skip
-    angles = pair_angles(pair)
+    angles = compare.pair_angles(pair)
     chance = chance_of(angles[0].each, angles[1].each, np.random.default_rng(0))
     page = pair_page(pair, angles, pair_findings(pair, angles, chance), chance)
     (out / "report.html").write_text(page, encoding="utf-8")
     return [out / "report.html", out / "joints.csv"]
 
 
-def _pair_notes(pair: TechniquePair, chance: Chance) -> list[str]:
+def _pair_notes(pair: compare.TechniquePair, chance: Chance) -> list[str]:
     distance, names = pair.difference.distance_mm, pair.first.instances.joint_names
     first, second = performer_names(pair)
     most = parts.moment_sentences(pair.phase_s, distance, names, "mm")

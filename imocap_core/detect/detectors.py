@@ -34,7 +34,7 @@ WIDTH = {"pose_landmarks": (33, 4), "pose_world_landmarks": (33, 4)}
 HAND = (21, 3)
 
 
-def landmark_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+def _landmark_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
     """MediaPipe's answers, one a frame, by name: (T, 33, 4) and, for hands, (T, 21, 3); NaN where a
     frame has no person or hand. `frames` (T,) counts them."""
     names = answers[0] if answers else WIDTH
@@ -48,7 +48,7 @@ def landmark_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
     return arrays
 
 
-def everybody_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+def _everybody_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
     """BlazePose's answers as MediaPipe's for several people: (T, P, 33, 4) by name; P is the
     largest number of people in a frame; NaN where a frame has fewer. `frames` (T,) counts them.
 
@@ -164,7 +164,7 @@ def _mediapipe(params: DetectParams) -> Detector:
             "min_detection_confidence": params.min_detection_confidence,
         },
         models=(),
-        arrays=landmark_arrays,
+        arrays=_landmark_arrays,
         format="mediapipe",
         layout="mediapipe33",
     )
@@ -192,7 +192,7 @@ def _blazepose(params: DetectParams) -> Detector:
         },
         models=(),
         networks=BLAZEPOSE | MOVENET if params.second_network else BLAZEPOSE,
-        arrays=everybody_arrays,
+        arrays=_everybody_arrays,
         format="mediapipe",
         layout="blazepose33",
     )

@@ -131,7 +131,7 @@ class Processes:
         assert worker.stdout is not None
         try:
             send(task, worker.stdin)
-            while not isinstance(event := pickle.loads(receive(worker.stdout)), Ended):
+            while not isinstance(event := pickle.loads(_receive(worker.stdout)), Ended):
                 self._events.put(event)
         except (EOFError, OSError):
             return None
@@ -186,7 +186,7 @@ def send(message: Any, stream: IO[bytes]) -> None:
     stream.flush()
 
 
-def receive(stream: IO[bytes]) -> bytes:
+def _receive(stream: IO[bytes]) -> bytes:
     """The next message, to be unpickled; EOFError where the other side has ended."""
     try:
         message: bytes = pickle.load(stream)
@@ -226,7 +226,7 @@ def _listen(tasks: queue.SimpleQueue[bytes | None], busy: threading.Event) -> No
     """Pass tasks on; when no more can come, end the loop above, or the process amid a task."""
     while True:
         try:
-            message = receive(sys.stdin.buffer)
+            message = _receive(sys.stdin.buffer)
         except EOFError:
             if busy.is_set():
                 os._exit(1)

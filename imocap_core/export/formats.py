@@ -27,14 +27,7 @@ from imocap_core.io.writers.c3d import c3d_bytes
 from imocap_core.io.writers.gltf import write_glb
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.text_files import write_calibration, write_joints_csv, write_trc
-from imocap_core.result.derived import (
-    FootLock,
-    from_start,
-    mean_performance,
-    mode_clips,
-    turned_y_up,
-    with_locked_feet,
-)
+from imocap_core.result import derived
 from imocap_core.result.result import ActionResult, Time
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import shaped_body
@@ -108,15 +101,15 @@ def export(
     one_clip = options.mean or variation is not None
     together = (time == "common" or one_clip) and result.time != "common"
     written = placed.on_common_time() if together else placed
-    written = mean_performance(written) if one_clip else written.only(options.videos)
+    written = derived.mean_performance(written) if one_clip else written.only(options.videos)
     if variation is not None:
-        written = mode_clips(written, variation)
+        written = derived.mode_clips(written, variation)
     if options.origin == "start":
         first = written.videos[0]
-        placed, written = from_start(placed, first), from_start(written, first)
-    locks: dict[str, FootLock] = {}
+        placed, written = derived.from_start(placed, first), derived.from_start(written, first)
+    locks: dict[str, derived.FootLock] = {}
     if options.lock_feet:
-        written, locks = with_locked_feet(written)
+        written, locks = derived.with_locked_feet(written)
     notes = notes_of(written, format, options)
     notes |= {"options": asdict(options)} if options != DEFAULT else {}
     notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
@@ -180,7 +173,9 @@ def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format:
     program = blender_program(lambda step: None)
     target = Target(format, result.up_axis)
     notes = notes_of(result, format)
-    return write_characters(program, out, actors_of(turned_y_up(result), options), target, notes)
+    return write_characters(
+        program, out, actors_of(derived.turned_y_up(result), options), target, notes
+    )
 
 
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {

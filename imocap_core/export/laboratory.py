@@ -37,15 +37,9 @@ from imocap_core.io.writers.osim import (
     write_osim,
 )
 from imocap_core.io.writers.text_files import write_markers
+from imocap_core.result import video_motion
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
-from imocap_core.result.video_motion import (
-    body_model_of,
-    body_rotations,
-    contact_events,
-    rest_joints_m,
-    video_angles,
-)
 
 MM = 1000.0
 CONTACT = {"contact_begin": "Foot Strike", "contact_end": "Foot Off"}
@@ -58,7 +52,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     shown = np.where(video.inside, 1.0, np.nan)
     joints = MM * video.joints * shown[:, None, None]
     markers = {name: joints[:, j] for j, name in enumerate(video.joint_names)}
-    surface = surface_points_m(video)
+    surface = _surface_points_m(video)
     markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
     angles, about = _angle_points(video, up)
     first = _first_frame(video)
@@ -73,15 +67,15 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
         descriptions=dict.fromkeys(surface, "surface marker") | about,
         events=[
             C3dEvent(CONTACT[e.kind], e.name.capitalize(), (first - 1 + e.index) / video.fps)
-            for e in contact_events(video, up)
+            for e in video_motion.contact_events(video, up)
             if video.inside[round(e.index)]
         ],
     )
 
 
-def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
+def _surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
     """The surface markers of a video's body, metres, world; by name."""
-    vertices = surface_vertices(video)
+    vertices = _surface_vertices(video)
     index = list(vertices.values())
     parts = [
         video.vertices(np.arange(first, min(first + CHUNK, len(video))))[:, index]
@@ -91,9 +85,9 @@ def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
     return {name: points[:, k] for k, name in enumerate(vertices)}
 
 
-def surface_vertices(video: VideoResult) -> dict[str, int]:
+def _surface_vertices(video: VideoResult) -> dict[str, int]:
     """The vertex of every surface marker; the body with fingers has the same surface."""
-    model = body_model_of(video, hands=False)
+    model = video_motion.body_model_of(video, hands=False)
     return marker_vertices(
         model.v_template.numpy(),
         model.weights.numpy(),
@@ -107,7 +101,7 @@ def _angle_points(
 ) -> tuple[dict[str, Float[np.ndarray, "T 3"]], dict[str, str]]:
     """Three angles of a joint as one point, under the labels that laboratories use; and what they
     are. An angle that is not given is 0."""
-    angles = video_angles(video, up).angles_deg
+    angles = video_motion.video_angles(video, up).angles_deg
     sided = [(f"{side[0].upper()}", side + "_", PAIRED) for side in SIDES]
     points, about = {}, {}
     for letter, prefix, joints in [("", "", MIDDLE), *sided]:
@@ -143,16 +137,18 @@ def _files(out: Path, video: VideoResult) -> list[Path]:
     model, markers, setup, motion = (
         out / f"{video.id}{ending}" for ending in (".osim", ".trc", "_ik.xml", ".mot")
     )
-    rest_m = rest_joints_m(video)
+    rest_m = video_motion.rest_joints_m(video)
     links = linkage(rest_m)
     mass_kg = _write_model(model, video, links, rest_m)
     joints = {j: video.body_joints[:, SMPL_JOINTS.index(j)] for j in JOINT_MARKERS}
-    paths_mm = {n: MM * to_ground(p) for n, p in (joints | surface_points_m(video)).items()}
+    paths_mm = {n: MM * to_ground(p) for n, p in (joints | _surface_points_m(video)).items()}
     start = round(float(video.frames[0]))
     write_markers(markers, paths_mm, video.fps, start)
     last_s = (len(video) - 1) / video.fps
     write_ik_setup(setup, video.id, paths_mm, last_s)
-    values = linkage_coordinates(links, body_rotations(video), video.body_joints, rest_m)
+    values = linkage_coordinates(
+        links, video_motion.body_rotations(video), video.body_joints, rest_m
+    )
     turning = {c.name for link in links.values() for c in link.rotations}
     shown = {name: np.degrees(v) if name in turning else v for name, v in values.items()}
     write_mot(motion, video.id, video.fps, shown)
@@ -163,7 +159,7 @@ def _write_model(
     file: Path, video: VideoResult, links: dict[str, Link], rest_m: Float[np.ndarray, "24 3"]
 ) -> float:
     """Write the performer's model; its mass in kg, by its volume."""
-    body = body_model_of(video, hands=False)
+    body = video_motion.body_model_of(video, hands=False)
     vertices = body.shape(torch.as_tensor(video.betas)).vertices_rest.numpy()
     owners = [body.joint_names[k] for k in body.weights.argmax(dim=1).tolist()]
     masses = segment_masses(links, vertices, body.faces.numpy(), owners)
@@ -172,7 +168,7 @@ def _write_model(
         segment = str(SEGMENT_OF_JOINT[joint])
         markers[joint] = segment, links[segment].local_m(rest_m[SMPL_JOINTS.index(joint)])
     of = surface_markers()
-    for name, vertex in surface_vertices(video).items():
+    for name, vertex in _surface_vertices(video).items():
         side, segment = name.partition("_")[0], of[name].segment
         segment = segment if segment in links else f"{side}_{segment}"
         markers[name] = segment, links[segment].local_m(vertices[vertex])

@@ -39,7 +39,7 @@ def video_arrays(video: VideoResult, result: ActionResult) -> Arrays:
     (T,) in a file of variable frame rate. `joint_sd_mm` (T, 24) where the stage uncertainty has
     run. `distortion` (5,): OpenCV's k1, k2, p1, p2, k3, of K.
     """
-    camera, hands, common = camera_arrays(video), video.hands, result.time == "common"
+    camera, hands, common = _camera_arrays(video), video.hands, result.time == "common"
     arrays = {
         "poses": video.theta,
         "betas": video.betas,
@@ -64,7 +64,7 @@ def video_arrays(video: VideoResult, result: ActionResult) -> Arrays:
     return {name: array for name, array in arrays.items() if array is not None}
 
 
-def camera_arrays(video: VideoResult) -> Arrays:
+def _camera_arrays(video: VideoResult) -> Arrays:
     """K (3, 3), R (3, 3), t (3,) camera from world, metres, of the first frame; K_frames, R_frames
     and t_frames, of every frame, of a camera that turns, zooms or moves; a lens's distortion."""
     camera = video.camera
@@ -91,7 +91,7 @@ def write_cameras(folder: Path, result: ActionResult) -> Path:
         "up_axis": result.up_axis,
         "cameras": {
             video.id: {
-                **{name: array.tolist() for name, array in camera_arrays(video).items()},
+                **{name: array.tolist() for name, array in _camera_arrays(video).items()},
                 "size": list(video.camera.size),
             }
             for video in result

@@ -72,7 +72,7 @@ class HandProblem:
         return total
 
 
-def solve_hands(
+def _solve_hands(
     problem: HandProblem, state: HandState, max_steps: int
 ) -> tuple[HandState, Float[Tensor, " B"]]:
     """Hands of known size: the state of lowest objective, and the objective.
@@ -83,7 +83,7 @@ def solve_hands(
     return descent.state, torch.as_tensor(descent.costs[-1]).to(state.angles)
 
 
-def solve_hands_and_size(
+def _solve_hands_and_size(
     problem: HandProblem, state: HandState, max_steps: int, size_spread: float
 ) -> HandState:
     """Hands and the one size of all of them; size_spread: of its logarithm about 0."""
@@ -180,7 +180,7 @@ _STEPS = 8
 _AT_ONCE = 16  # frames: bounds the memory of long videos
 
 
-def wrist_starts() -> Float[Tensor, "H 3 3"]:
+def _wrist_starts() -> Float[Tensor, "H 3 3"]:
     """Rotations of a hand against the body's: about the forearm, then at the wrist."""
     angles = [(t, b) for t in _TWISTS_DEG for b in _BENDS_DEG]
     radians = torch.deg2rad(torch.tensor(angles, dtype=torch.float64))
@@ -190,7 +190,7 @@ def wrist_starts() -> Float[Tensor, "H 3 3"]:
     return exp(twist) @ exp(bend)
 
 
-def initial_state(problem: HandProblem, stride_s: float) -> HandState:
+def _initial_state(problem: HandProblem, stride_s: float) -> HandState:
     """A state near the keypoints for all frames of a problem."""
     frames = problem.views.valid.shape[1]
     stride = max(1, round(stride_s * float(problem.fps.min())))
@@ -224,7 +224,7 @@ def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor
     """Every rotation in each of N frames by itself: R_wrist (B, N, H, 3, 3), angles (B, N, H, 21),
     offsets (B, N, H, V, 3) and objectives (B, N, H)."""
     few = problem.views.frames(frames)
-    rotations = wrist_starts().to(problem.fps)
+    rotations = _wrist_starts().to(problem.fps)
     alone = few.single_frames(len(rotations))
     shape = (*few.valid.shape, len(rotations))
     start = HandState(
@@ -234,7 +234,7 @@ def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor
     )
     fps = problem.fps.new_ones(len(alone.valid))
     each = replace(problem, views=alone, fps=fps, common=None)
-    state, cost = solve_hands(each, start, _STEPS)
+    state, cost = _solve_hands(each, start, _STEPS)
     return (
         state.R_wrist.reshape(*shape, 3, 3),
         state.angles.reshape(*shape, -1),
@@ -302,13 +302,13 @@ def fit_hands(
     views = per_video_views(skeleton, videos)
     problem = HandProblem(views, skeleton, params, fps_of(videos))
     if common is None or timeline is None:
-        state = _solved(problem, initial_state(problem, params.stride_s), params)
+        state = _solved(problem, _initial_state(problem, params.stride_s), params)
     else:
         target = common_at(common, videos, timeline)
         problem = replace(problem, common=target)
         no_offset = torch.zeros_like(views.wrist_m)
         state = HandState(target.R_wrist, target.angles, no_offset, common.size)
-        state, _ = solve_hands(problem, state, params.max_steps)
+        state, _ = _solve_hands(problem, state, params.max_steps)
     return _by_video(problem, state, videos), state.size
 
 
@@ -323,12 +323,12 @@ def _common(
     views = common_views(skeleton, videos, timeline)
     fps = views.K.new_full((2,), videos[reference].fps)
     problem = HandProblem(views, skeleton, params, fps)
-    return _solved(problem, initial_state(problem, params.stride_s), params)
+    return _solved(problem, _initial_state(problem, params.stride_s), params)
 
 
 def _solved(problem: HandProblem, state: HandState, params: HandWeights) -> HandState:
-    state, _ = solve_hands(problem, state, params.max_steps)
-    return solve_hands_and_size(problem, state, params.max_steps, params.size_spread)
+    state, _ = _solve_hands(problem, state, params.max_steps)
+    return _solve_hands_and_size(problem, state, params.max_steps, params.size_spread)
 
 
 def _by_video(

@@ -315,7 +315,7 @@ _GROUPS = [[0, 1, 2], *([3 + 4 * f + k for k in range(4)] for f in range(4)), [*
 Equations = NormalEquations | None
 
 
-def project_hands(
+def _project_hands(
     views: HandViews, state: HandState
 ) -> tuple[Float[Tensor, "B T V 21 2"], Float[Tensor, "B T V 21 2 28"]]:
     """Pixels of the hands and their derivatives: by the rotations (24), the offset of the same view
@@ -340,7 +340,7 @@ def image_cost(
     views: HandViews, state: HandState, weights: HandWeights, normal: Equations = None
 ) -> Float[Tensor, " B"]:
     """Robust distance of the projected hands to the detected keypoints."""
-    pixels, jacobian = project_hands(views, state)
+    pixels, jacobian = _project_hands(views, state)
     miss = torch.where(views.weight[..., None] > 0, pixels - views.xy_px, 0.0)
     squared = views.weight * (miss**2).sum(-1)
     cost, share = geman_mcclure(squared, weights.robust_scale_sigma)

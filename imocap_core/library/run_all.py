@@ -43,28 +43,28 @@ class StageEnd:
     summary: tuple[str, ...] = ()
 
 
-def task_name(action: str, step: str) -> str:
+def _task_name(action: str, step: str) -> str:
     """As it is shown: an action and one of its steps."""
     return f"{action}: {step}"
 
 
-def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: int) -> list[Task]:
+def _tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: int) -> list[Task]:
     """The tasks that bring an action to its report, each after the one before it.
 
     ImocapError when its action.yaml cannot be used.
     """
     root = workspace.root
     if action in builtin_actions.BUILT_IN:
-        made = Task(task_name(action, "demo"), make_built_in, (root, action), (), priority)
+        made = Task(_task_name(action, "demo"), _make_built_in, (root, action), (), priority)
         stages = _stage_tasks(workspace, action, [], sets, (made.name,), priority)
         return [made, *stages]
     declared = workspace.job(action, list(sets)).action
     if any(video.repetitions for video in declared.videos):  # its parts are known only later
         whole = (root, action, tuple(sets), None, workspace.device)
-        return [Task(task_name(action, WHOLE), run_to, whole, (), priority)]
+        return [Task(_task_name(action, WHOLE), _run_to, whole, (), priority)]
     detections = [
         Task(
-            task_name(action, f"detect {video.id}"),
+            _task_name(action, f"detect {video.id}"),
             detect_video,
             (root, action, tuple(sets), video.id),
             (),
@@ -94,7 +94,7 @@ def _stage_tasks(
         if spec.parts == "videos" and len(videos) > 1:
             parts = [
                 Task(
-                    task_name(action, f"{stage} {v}"),
+                    _task_name(action, f"{stage} {v}"),
                     part_of,
                     (*common, stage, v, workspace.device),
                     after,
@@ -106,14 +106,14 @@ def _stage_tasks(
             after = tuple(part.name for part in parts) or after
         until = None if stage == stages[-1][0] else stage
         task = Task(
-            task_name(action, stage), run_to, (*common, until, workspace.device), after, priority
+            _task_name(action, stage), _run_to, (*common, until, workspace.device), after, priority
         )
         tasks.append(task)
         after = (task.name,)
     return tasks
 
 
-def make_built_in(report: Report, root: Path, name: str) -> None:
+def _make_built_in(report: Report, root: Path, name: str) -> None:
     """Make a built-in action, unless it is there."""
     workspace = Workspace(root)
     display = FunctionDisplay(lambda stage, share, text: report(share, text))
@@ -149,7 +149,7 @@ def part_of(
     make_part(job, stage, video, display)
 
 
-def run_to(
+def _run_to(
     report: Report,
     root: Path,
     action: str,
@@ -253,7 +253,7 @@ def run_all(
         One end for each action, in their order.
     """
     workspace = Workspace(Path(root).resolve(), device)
-    names = all_actions(workspace) if actions is None else [str(action) for action in actions]
+    names = _all_actions(workspace) if actions is None else [str(action) for action in actions]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise WrongUse(f"expected every action once, got {', '.join(repeated)} twice")
@@ -275,7 +275,7 @@ def run_all(
     return [ends[name] for name in names]
 
 
-def all_actions(workspace: Workspace) -> list[str]:
+def _all_actions(workspace: Workspace) -> list[str]:
     """The actions below root/actions, by name; WrongUse when there is none."""
     folder = workspace.root / "actions"
     names = sorted(file.parent.name for file in folder.glob("*/action.yaml"))
@@ -332,7 +332,7 @@ def _planned(
     ends: dict[str, ActionEnd] = {}
     for priority, name in enumerate(names):
         try:
-            planned[name] = tasks_of(workspace, name, sets, priority)
+            planned[name] = _tasks_of(workspace, name, sets, priority)
         except ImocapError as error:
             ends[name] = ActionEnd(name, "failed", str(error))
     return planned, ends

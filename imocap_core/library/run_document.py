@@ -66,7 +66,7 @@ def run_document(done: Run) -> dict[str, Any]:
         else [{"video": v.id, "reason": v.reason} for v in keypoints.left_out or ()],
         "excluded": None if sync is None else sync.excluded,
         "mirrored": None if sync is None else sync.mirrored,
-        "sync": None if sync is None or keypoints is None else sync_document(keypoints, sync),
+        "sync": None if sync is None or keypoints is None else _sync_document(keypoints, sync),
         "cameras": None if motion is None else _cameras(motion, artifacts),
         "scores": None
         if evaluated is None
@@ -80,7 +80,7 @@ def run_document(done: Run) -> dict[str, Any]:
     }
 
 
-def sync_document(keypoints: Keypoints, sync: SyncSummary) -> dict[str, Any]:
+def _sync_document(keypoints: Keypoints, sync: SyncSummary) -> dict[str, Any]:
     """The correspondences: what holds for all videos, and a row for each."""
     trusts = {} if sync.trust is None else {v.id: v for v in sync.trust.videos}
     frames = {video.id: video for video in keypoints.videos}

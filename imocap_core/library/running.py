@@ -112,7 +112,7 @@ def available_bytes() -> int | None:
     return min(limits, default=None)
 
 
-def stored_in(outcomes: Sequence[Outcome]) -> dict[str, Stored]:
+def _stored_in(outcomes: Sequence[Outcome]) -> dict[str, Stored]:
     """The results of a run by stage."""
     return {outcome.stage: outcome.stored for outcome in outcomes}
 
@@ -138,7 +138,7 @@ class RunLog:
         """As plain data; error: the sentence that ended the run, or None."""
         ended = datetime.now(UTC)
         settings, verdict = self.job.settings, self.verdict
-        sentences = left_out_notes(stored_in(self.outcomes))
+        sentences = left_out_notes(_stored_in(self.outcomes))
         if verdict is not None:
             sentences = [finding.sentence for finding in verdict.findings]
         return {
@@ -319,7 +319,7 @@ def run(
     done = run_action(
         action, root=root, params=params, force=force, until=until, device=device, progress=progress
     )
-    artifacts = artifacts_of_stages(done.job.action.name, stored_in(done.outcomes))
+    artifacts = artifacts_of_stages(done.job.action.name, _stored_in(done.outcomes))
     return read_result(artifacts, Result, done.job.action.folder, motion_stage)
 
 
@@ -364,7 +364,7 @@ def run_action(
     if not part_of_many:
         notes = [*notes, *keep_cache_within_limit(workspace.root)]
     if log.verdict is None:
-        notes = [*notes, *left_out_notes(stored_in(outcomes))]
+        notes = [*notes, *left_out_notes(_stored_in(outcomes))]
     return Run(job, outcomes, notes, time.perf_counter() - began, log.verdict)
 
 
@@ -395,7 +395,7 @@ def run_stage(
                 forced,
                 lambda made: finish(job, made),
             )
-    return Run(job, outcomes, left_out_notes(stored_in(outcomes)), time.perf_counter() - began)
+    return Run(job, outcomes, left_out_notes(_stored_in(outcomes)), time.perf_counter() - began)
 
 
 def _motion_stage(workspace: Workspace, until: str | None) -> MotionStage:

@@ -9,13 +9,7 @@ from typing import Any
 
 from imocap_core.errors import ImocapError
 from imocap_core.files import write_whole
-from imocap_core.library.new_action import (
-    action_of_videos,
-    files_below,
-    free_labels,
-    name_of,
-    video_files,
-)
+from imocap_core.library import new_action
 from imocap_core.library.result import Result, load
 from imocap_core.pipeline.action import DETECT, FILE_NAME, declared_path, read_action
 from imocap_core.pipeline.yaml_file import edited_text
@@ -41,7 +35,7 @@ def settled_changes(folder: Path, wait: Callable[[float], object] = time.sleep) 
 
 def _listing(folder: Path) -> Listing:
     files = []
-    for file in files_below(folder):
+    for file in new_action.files_below(folder):
         try:
             status = file.stat()
         except OSError:
@@ -53,17 +47,17 @@ def _listing(folder: Path) -> Listing:
 def bring_up_to_date(root: Path, folder: Path, name: str | None) -> str:
     """Make the action of a folder's videos, or add to it those that are new and remove those that
     are gone; all else in action.yaml stays. Returns its name. WrongUse while there is no video."""
-    files, _ = video_files([folder])
-    name = name_of([folder], files) if name is None else name
+    files, _ = new_action.video_files([folder])
+    name = new_action.name_of([folder], files) if name is None else name
     if not (root / "actions" / name / FILE_NAME).is_file():
-        return action_of_videos(root, name, [folder])[0]
+        return new_action.action_of_videos(root, name, [folder])[0]
     place = root / "actions" / name
     declared = {v.id: v.video for v in read_action(place).videos}
     there = {file.resolve(): file for file in files}
     declared_paths = {i: (place / v).resolve() for i, v in declared.items() if v is not None}
     gone = [i for i, path in declared_paths.items() if not path.is_file()]
     fresh = [file for path, file in there.items() if path not in declared_paths.values()]
-    ids = free_labels(fresh, [i for i in declared if i not in gone])
+    ids = new_action.free_labels(fresh, [i for i in declared if i not in gone])
     entries = [
         {"id": i, "video": declared_path(file, place), "keypoints": DETECT}
         for i, file in zip(ids, fresh, strict=True)

@@ -57,7 +57,7 @@ def left_limb(xy_px: Float[np.ndarray, "T K 2"], names: Sequence[str], end: str)
     return LeftLimb(np.concatenate(vectors, axis=1) / spread[:, None], spread)
 
 
-def filled_in_time(xy_px: Float[np.ndarray, "T K 2"]) -> Float[np.ndarray, "T K 2"]:
+def _filled_in_time(xy_px: Float[np.ndarray, "T K 2"]) -> Float[np.ndarray, "T K 2"]:
     """Linear interpolation over time of missing points, constant beyond the ends; a point that is
     in no frame stays NaN."""
     filled = xy_px.copy()
@@ -108,7 +108,7 @@ def corrected_marks(
     names, twins = list(names), list(mirror_indices(names))
     if not set(POINTS) <= set(names):
         return xy_px
-    filled = filled_in_time(xy_px)
+    filled = _filled_in_time(xy_px)
     if not np.isfinite(filled[:, [names.index(name) for name in POINTS]]).all():
         return xy_px
     corrected = xy_px.copy()

@@ -72,7 +72,7 @@ def mpjpe_scaled_mm(
     The authors' released evaluation does this, so it is the one to compare with the paper's
     66.53 mm.
     """
-    return mpjpe_mm(scaled_to_truth(predicted_m, true_m), true_m)
+    return mpjpe_mm(_scaled_to_truth(predicted_m, true_m), true_m)
 
 
 def pa_mpjpe_mm(
@@ -83,7 +83,7 @@ def pa_mpjpe_mm(
     return mpjpe_mm(similarity(predicted, true).apply(predicted), true)
 
 
-def scaled_to_truth(
+def _scaled_to_truth(
     predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
 ) -> Float[np.ndarray, "T J 3"]:
     """Each frame of the prediction times |true|_F / |predicted|_F, over the joints both have."""

@@ -103,10 +103,10 @@ def pose_rows(
     result: str, video: str, predicted: CameraJoints, true: CameraJoints, fps: float
 ) -> list[ScoreRow]:
     """Position, acceleration, root path and foot sliding of one video."""
-    predicted, true = on_common_frames(predicted, true)
+    predicted, true = _on_common_frames(predicted, true)
     rows: list[ScoreRow] = []
     for suffix, wanted in JOINT_SETS:
-        missing = missing_note(predicted, true, (*wanted, *HIPS))
+        missing = _missing_note(predicted, true, (*wanted, *HIPS))
         for name, metric in POSITION_METRICS.items():
             label = name.replace("mpjpe", f"mpjpe{suffix}")
             if missing:
@@ -121,7 +121,7 @@ def _motion_rows(
     result: str, video: str, predicted: CameraJoints, true: CameraJoints, fps: float
 ) -> list[ScoreRow]:
     """Metrics of the motion from frame to frame: acceleration, root path, feet."""
-    missing = missing_note(predicted, true, EVAL_12)
+    missing = _missing_note(predicted, true, EVAL_12)
     if missing:
         return [ScoreRow(result, video, name, None, missing) for name in MOTION_METRICS]
     roots = [hip_midpoint(m.joints_m, m.names) for m in (predicted, true)]
@@ -254,7 +254,7 @@ def _scored(
     return [scored_row(result, video, m, *p) for m, p in zip(metrics, pairs, strict=True)]
 
 
-def missing_note(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str]) -> str:
+def _missing_note(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str]) -> str:
     """Which of the wanted joints truth or result lacks; empty when both have all."""
     for who, motion in (("the truth", true), ("the result", predicted)):
         absent = missing_joints(motion.names, wanted)
@@ -263,7 +263,7 @@ def missing_note(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[s
     return ""
 
 
-def on_common_frames(a: CameraJoints, b: CameraJoints) -> tuple[CameraJoints, CameraJoints]:
+def _on_common_frames(a: CameraJoints, b: CameraJoints) -> tuple[CameraJoints, CameraJoints]:
     """Both motions at the source frames that both have."""
     common, in_a, in_b = np.intersect1d(a.frames, b.frames, return_indices=True)
     return (
@@ -302,8 +302,8 @@ def aligned_errors_mm(predicted: CameraJoints, true: CameraJoints) -> dict[str, 
 
     Empty when one of the twelve is missing.
     """
-    predicted, true = on_common_frames(predicted, true)
-    if missing_note(predicted, true, EVAL_12):
+    predicted, true = _on_common_frames(predicted, true)
+    if _missing_note(predicted, true, EVAL_12):
         return {}
     both = [name for name in SMPL_JOINTS if name in predicted.names and name in true.names]
     errors = aligned_joint_errors_mm(
@@ -318,8 +318,8 @@ def world_rows(
     result: str, video: str, predicted: CameraJoints, true: CameraJoints
 ) -> list[ScoreRow]:
     """W-MPJPE and WA-MPJPE of the 24 joints (of twelve where the truth lacks others), and RTE."""
-    predicted, true = on_common_frames(predicted, true)
-    note = missing_note(predicted, true, EVAL_12)
+    predicted, true = _on_common_frames(predicted, true)
+    note = _missing_note(predicted, true, EVAL_12)
     if note:
         return [ScoreRow(result, video, metric, None, note) for metric in WORLD_METRICS]
     joints = EVAL_12 if missing_joints(true.names, SMPL_JOINTS) else SMPL_JOINTS

@@ -38,18 +38,18 @@ def swapped_arms_and_legs(
         names: of the keypoints; a layout without shoulders or hips has no such frames.
     """
     none = np.zeros((2, len(xy_px)), dtype=bool)
-    lines = [line_between(xy_px, names, part) for part in ("shoulder", "hip")]
+    lines = [_line_between(xy_px, names, part) for part in ("shoulder", "hip")]
     if len(xy_px) < 2 or any(line is None for line in lines):
         return none
     shoulders, hips = (line for line in lines if line is not None)
-    twist = np.stack([least_twist_deg(s * shoulders, hips, size_px) for s in (1.0, -1.0)], axis=1)
+    twist = np.stack([_least_twist_deg(s * shoulders, hips, size_px) for s in (1.0, -1.0)], axis=1)
     parity = np.array([(arms + legs) % 2 for arms, legs in STATES])
     excess_deg = np.maximum(twist[:, parity] - POSSIBLE_DEG, 0.0)
     unary = TWIST * excess_deg / (180.0 - POSSIBLE_DEG)
     steps = np.zeros((len(xy_px), len(STATES), len(STATES)))
     for limb, pairs in enumerate(limbs_of(names)[:2]):
         of_limb = [state[limb] for state in STATES]
-        cost = step_costs(xy_px[:, np.array(pairs)], size_px) + change_costs(len(pairs))
+        cost = _step_costs(xy_px[:, np.array(pairs)], size_px) + _change_costs(len(pairs))
         steps += cost[:, of_limb][:, :, of_limb]
     states = np.array(STATES)[viterbi(unary[0], steps[1:] + unary[1:, None])]
     gain = unary[:, 0] - unary[:, 1]
@@ -67,7 +67,7 @@ def _twisted(
     return twisted
 
 
-def line_between(
+def _line_between(
     xy_px: Float[np.ndarray, "T K 2"], names: Sequence[str], part: str
 ) -> Float[np.ndarray, "T 2"] | None:
     """From the right to the left joint of a part; None where a layout lacks one."""
@@ -79,7 +79,7 @@ def line_between(
     return line
 
 
-def least_twist_deg(
+def _least_twist_deg(
     shoulders: Float[np.ndarray, "T 2"],
     hips: Float[np.ndarray, "T 2"],
     size_px: Float[np.ndarray, " T"],
@@ -142,7 +142,7 @@ def swapped_frames(
         pairs: columns (left, right) of the limb.
     """
     sides = xy_px[:, np.array(pairs)]  # (T, P, 2 sides, 2)
-    states = _states(step_costs(sides, size_px), len(pairs))
+    states = _states(_step_costs(sides, size_px), len(pairs))
     longest, near = round(LONGEST_S * fps), max(0, round(NEAR_S * fps) - 1)
     for first, last in runs(states, gap=near):
         lasts = any(b - a >= longest for a, b in runs(states[first : last + 1]))
@@ -168,7 +168,7 @@ def swap_sides(
     return xy, trust
 
 
-def step_costs(
+def _step_costs(
     sides: Float[np.ndarray, "T P 2 2"], size_px: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "T 2 2"]:
     """Cost of frame t in state (reported, swapped) after frame t - 1 in (reported, swapped).
@@ -197,10 +197,10 @@ def _forward_filled(sides: Float[np.ndarray, "T P 2 2"]) -> Float[np.ndarray, "T
 
 def _states(steps: Float[np.ndarray, "T 2 2"], pairs: int) -> Bool[np.ndarray, " T"]:
     """Which frames are swapped in the cheapest sequence; it begins as reported."""
-    costs = steps[1:] + change_costs(pairs)
+    costs = steps[1:] + _change_costs(pairs)
     return viterbi(np.array([0.0, np.inf]), costs).astype(bool)
 
 
-def change_costs(pairs: int) -> Float[np.ndarray, "2 2"]:
+def _change_costs(pairs: int) -> Float[np.ndarray, "2 2"]:
     """Cost of a change of state, and of the swapped state, for a limb of some joint pairs."""
     return CHANGE * pairs * (1.0 - np.eye(2)) + np.array([0.0, SWAPPED * pairs])

@@ -15,7 +15,7 @@ from imocap_core.limits import LAST_FRAME
 from imocap_core.pipeline.action import DETECT, Person
 
 
-def video_entry(data: Any, video: str) -> Any:
+def _video_entry(data: Any, video: str) -> Any:
     """The entry of a video. ValueError when there is none."""
     for entry in data["videos"]:
         if entry["id"] == video:
@@ -48,7 +48,7 @@ def put(entry: Any, field: str, value: Any) -> None:
         entry[field] = value if not isinstance(value, tuple) else list(value)
 
 
-def remove_items(data: Any, field: str, unwanted: Callable[[Any], bool]) -> None:
+def _remove_items(data: Any, field: str, unwanted: Callable[[Any], bool]) -> None:
     """Remove items of a list; the field goes with the last one."""
     items = data.get(field) or []
     for n in reversed([n for n, item in enumerate(items) if unwanted(item)]):
@@ -65,7 +65,7 @@ def append(data: Any, field: str, item: Any) -> None:
         data[field] = CommentedSeq([item]) if isinstance(data, CommentedMap) else [item]
 
 
-def item_of(data: Any, field: str, number: int, what: str) -> Any:
+def _item_of(data: Any, field: str, number: int, what: str) -> Any:
     """Item `number` of a list, from 0. ValueError when there is none."""
     items = data.get(field) or []
     if number >= len(items):
@@ -85,12 +85,12 @@ def person_fields(person: Person) -> dict[str, Any]:
     return fields
 
 
-def split_video(data: Any, video: str, starts: Sequence[int], count: int | None) -> None:
+def _split_video(data: Any, video: str, starts: Sequence[int], count: int | None) -> None:
     """Split a video where new ones begin; the first part keeps its id.
 
     ValueError when a place is outside the used frames.
     """
-    entry = video_entry(data, video)
+    entry = _video_entry(data, video)
     if entry.get("frames") is None and count is None:
         raise ValueError(f"{video}: its frames are not counted yet; wait until it has been read")
     first, stop = entry.get("frames") or (0, count or 0)
@@ -186,7 +186,7 @@ class PersonEdit(_Edit):
     person: Person | None
 
     def apply(self, data: Any, counts: Counts) -> None:
-        put(video_entry(data, self.video), "person", self.person and person_fields(self.person))
+        put(_video_entry(data, self.video), "person", self.person and person_fields(self.person))
 
 
 class FramesEdit(_Edit):
@@ -197,7 +197,7 @@ class FramesEdit(_Edit):
     frames: tuple[FrameNumber, FrameNumber] | None
 
     def apply(self, data: Any, counts: Counts) -> None:
-        entry, frames, count = video_entry(data, self.video), self.frames, counts.get(self.video)
+        entry, frames, count = _video_entry(data, self.video), self.frames, counts.get(self.video)
         if frames is not None and count is not None and frames[1] > count:
             raise ValueError(
                 f"{self.video}: expected frames within [0, {count}], as the video has {count}, got "
@@ -215,7 +215,7 @@ class MirroredEdit(_Edit):
     mirrored: bool | None
 
     def apply(self, data: Any, counts: Counts) -> None:
-        put(video_entry(data, self.video), "mirrored", self.mirrored)
+        put(_video_entry(data, self.video), "mirrored", self.mirrored)
 
 
 class DetectEdit(_Edit):
@@ -225,7 +225,7 @@ class DetectEdit(_Edit):
     video: Id
 
     def apply(self, data: Any, counts: Counts) -> None:
-        entry = video_entry(data, self.video)
+        entry = _video_entry(data, self.video)
         if entry.get("keypoints") is not None:
             raise ValueError(f"{self.video} has keypoints already: {entry['keypoints']}")
         put(entry, "keypoints", DETECT)
@@ -240,11 +240,11 @@ class DropEdit(_Edit):
     def apply(self, data: Any, counts: Counts) -> None:
         if len(data["videos"]) == 1:
             raise ValueError(f"{self.video} is the only video; an action has at least one")
-        data["videos"].remove(video_entry(data, self.video))
+        data["videos"].remove(_video_entry(data, self.video))
         for anchor in data.get("anchors") or []:
             anchor.pop(self.video, None)
-        remove_items(data, "anchors", lambda anchor: len(anchor.keys() - {"hard"}) < 2)
-        remove_items(data, "forbidden", lambda span: span["video"] == self.video)
+        _remove_items(data, "anchors", lambda anchor: len(anchor.keys() - {"hard"}) < 2)
+        _remove_items(data, "forbidden", lambda span: span["video"] == self.video)
 
 
 class SplitEdit(_Edit):
@@ -255,7 +255,7 @@ class SplitEdit(_Edit):
     starts: Annotated[list[FrameNumber], Field(min_length=1, max_length=500)]
 
     def apply(self, data: Any, counts: Counts) -> None:
-        split_video(data, self.video, self.starts, counts.get(self.video))
+        _split_video(data, self.video, self.starts, counts.get(self.video))
 
 
 class AddAnchorEdit(_Edit):
@@ -277,9 +277,9 @@ class AnchorEdit(_Edit):
     hard: bool | None
 
     def apply(self, data: Any, counts: Counts) -> None:
-        chosen = item_of(data, "anchors", self.number, "anchor")
+        chosen = _item_of(data, "anchors", self.number, "anchor")
         if self.hard is None:
-            remove_items(data, "anchors", lambda anchor: anchor is chosen)
+            _remove_items(data, "anchors", lambda anchor: anchor is chosen)
         elif self.hard:
             chosen["hard"] = True
         else:
@@ -302,7 +302,7 @@ class PerformersEdit(_Edit):
             names = ", ".join(nameless)
             raise ValueError(f"expected a performer of every video, got none of {names}")
         for video, performer in self.performers.items():
-            put(video_entry(data, video), "performer", performer)
+            put(_video_entry(data, video), "performer", performer)
 
 
 class EventEdit(_Edit):
@@ -323,7 +323,7 @@ class AddForbiddenEdit(_Edit):
     frames: tuple[FrameNumber, FrameNumber]
 
     def apply(self, data: Any, counts: Counts) -> None:
-        video_entry(data, self.video)
+        _video_entry(data, self.video)
         append(data, "forbidden", flow({"video": self.video, "frames": list(self.frames)}))
 
 
@@ -334,8 +334,8 @@ class ForbiddenEdit(_Edit):
     number: Annotated[int, Field(ge=0)]
 
     def apply(self, data: Any, counts: Counts) -> None:
-        chosen = item_of(data, "forbidden", self.number, "forbidden span")
-        remove_items(data, "forbidden", lambda span: span is chosen)
+        chosen = _item_of(data, "forbidden", self.number, "forbidden span")
+        _remove_items(data, "forbidden", lambda span: span is chosen)
 
 
 Edit = Annotated[

@@ -22,16 +22,7 @@ from imocap_core.figures.sheets import body_cells, detected_cells, read_cells, s
 from imocap_core.library.api_errors import Params, one_off, plain_errors
 from imocap_core.library.outputs import view
 from imocap_core.library.result import Result
-from imocap_core.pick.server import (
-    HEADERS,
-    Served,
-    error_response,
-    json_response,
-    nothing_here,
-    page_files,
-    response,
-    serving,
-)
+from imocap_core.pick import server
 from imocap_core.pipeline.generation import AT_WORK, LAST_RUN
 from imocap_core.result.artifacts import Artifacts, artifacts_of_stages
 from imocap_core.result.read import Stage, read_result
@@ -40,11 +31,11 @@ from imocap_core.workspace import Workspace, video_files
 
 # The viewer's program, style, pictures and films are in its page.
 _POLICY = (
-    HEADERS["Content-Security-Policy"]
+    server.HEADERS["Content-Security-Policy"]
     .replace("'self'", "'self' 'unsafe-inline' data: blob:")
     .replace("frame-ancestors 'none'", "media-src blob:; frame-src 'self'; frame-ancestors 'self'")
 )
-_HEADERS = {**HEADERS, "Content-Security-Policy": _POLICY, "X-Frame-Options": "SAMEORIGIN"}
+_HEADERS = {**server.HEADERS, "Content-Security-Policy": _POLICY, "X-Frame-Options": "SAMEORIGIN"}
 _HTML = "text/html; charset=utf-8"
 _SHOWN = {"refine_sync": "viewer", "smpl_ba": "viewer"}
 _SHOWN |= {"initial_smpl": "motion", "keypoints": "keypoints"}
@@ -191,16 +182,18 @@ def routes(live: LiveAction) -> Bottle:
     """The application."""
     app = Bottle()
     app.catchall = False
-    page = page_files()["live.html"]
-    app.route("/", "GET", lambda: response(200, page, _HTML))
-    app.route("/state", "GET", lambda: _answer(lambda: json_response(live.document())))
+    page = server.page_files()["live.html"]
+    app.route("/", "GET", lambda: server.response(200, page, _HTML))
+    app.route("/state", "GET", lambda: _answer(lambda: server.json_response(live.document())))
     app.route(
         "/strips/<number:int>.jpg",
         "GET",
-        lambda number: _answer(lambda: response(200, live.strip(number), "image/jpeg")),
+        lambda number: _answer(lambda: server.response(200, live.strip(number), "image/jpeg")),
     )
-    app.route("/viewer.html", "GET", lambda: _answer(lambda: response(200, live.viewer(), _HTML)))
-    app.default_error_handler = nothing_here
+    app.route(
+        "/viewer.html", "GET", lambda: _answer(lambda: server.response(200, live.viewer(), _HTML))
+    )
+    app.default_error_handler = server.nothing_here
     return app
 
 
@@ -209,18 +202,18 @@ def _answer(make: Callable[[], HTTPResponse]) -> HTTPResponse:
     try:
         return make()
     except (ImocapError, IndexError, KeyError) as error:
-        return error_response(404, str(error))
+        return server.error_response(404, str(error))
 
 
 @contextmanager
 def following(
     action: str, root: Path, params: Params = None, fault: Callable[[str], None] = print
-) -> Iterator[Served]:
+) -> Iterator[server.Served]:
     """Serve the page of an action's run while the body runs.
 
     params: those that the run is made with. fault: called with a sentence about a fault of the
     program. WrongUse when there is no such action.
     """
     live = plain_errors(LiveAction)(action, root, params)
-    with serving(lambda end: routes(live), 0, fault, headers=_HEADERS) as served:
+    with server.serving(lambda end: routes(live), 0, fault, headers=_HEADERS) as served:
         yield served

@@ -89,7 +89,7 @@ class Strip:
     stamps: FrameStamps
 
 
-def strip_of(path: Path, progress: Callable[[float], None]) -> Strip:
+def _strip_of(path: Path, progress: Callable[[float], None]) -> Strip:
     """Look through a video; `progress` is called with the share done. ValueError when it cannot be
     read."""
     info = probe(path)
@@ -264,7 +264,7 @@ class Media:
             file.share = share
 
         try:
-            strip = strip_of(file.path, progress)
+            strip = _strip_of(file.path, progress)
         except (ValueError, OSError, MemoryError) as error:
             file.fault = str(error)
             return

@@ -96,7 +96,7 @@ class ForbiddenEntry(BaseModel):
         return self
 
 
-def hint_faults(
+def _hint_faults(
     anchors: Sequence[AnchorEntry], forbidden: Sequence[ForbiddenEntry], ids: Sequence[str]
 ) -> list[str]:
     """One sentence for every unknown video, every two anchors that contradict the order of time,
@@ -217,7 +217,7 @@ class _ActionFile(BaseModel):
             raise ValueError(
                 f"performer: expected of every video or of none, got none of {', '.join(without)}"
             )
-        faults = hint_faults(self.anchors, self.forbidden, ids)
+        faults = _hint_faults(self.anchors, self.forbidden, ids)
         if faults:
             raise ValueError("; ".join(faults))
         return self

@@ -97,7 +97,7 @@ class ParsedSource(TypedDict):
     exports: dict[str, tuple[str, str]] | None
 
 
-def parse_source(file: Path, module: str, packages: Sequence[str]) -> ParsedSource:
+def _parse_source(file: Path, module: str, packages: Sequence[str]) -> ParsedSource:
     """Parse a file; of its imports those of `packages` are kept. SyntaxError, OSError.
 
     module: its dotted name, to which relative imports are relative.
@@ -182,7 +182,7 @@ CARRIERS = (
     "imocap_core.pipeline",
     "imocap_core.workspace",
 )
-CODE_FORMAT = 2  # raise when what `parse_source` returns means something else
+CODE_FORMAT = 2  # raise when what `_parse_source` returns means something else
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ class SourceFile:
         """Its code, imports and re-exports; parsed again only where the file has changed."""
 
         def parse(file: Path) -> ParsedSource:
-            return parse_source(file, self.module, PACKAGES)
+            return _parse_source(file, self.module, PACKAGES)
 
         return remembered(f"source{CODE_FORMAT}:{self.module}", self.file, parse)
 

@@ -64,14 +64,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from imocap_core import errors
 from imocap_core.artifacts.store import Store, mark_used
-from imocap_core.errors import (
-    ArtifactCorrupt,
-    WorkFailed,
-    is_out_of_memory,
-    program_fault,
-    system_fault,
-)
 from imocap_core.pipeline.action import (
     DETECT,
     Action,
@@ -305,8 +299,8 @@ class Inputs:
         self._decoded.pop(kind, None)
 
 
-def _older_pipeline(stage: str, field: str, wanted: str, got: Iterable[str]) -> WorkFailed:
-    return WorkFailed(
+def _older_pipeline(stage: str, field: str, wanted: str, got: Iterable[str]) -> errors.WorkFailed:
+    return errors.WorkFailed(
         f"pipeline.yaml: stages.{stage}.{field}: expected {wanted} among them, because the stage "
         f"reads it, got {', '.join(got) or 'none'}; a pipeline.yaml of an older version is "
         "replaced by this version's, or removed"
@@ -328,15 +322,15 @@ def in_a_sentence(stage: str, call: Callable[[], Made]) -> Made:
     """Call a stage's function; every error in it becomes WorkFailed with one sentence."""
     try:
         return call()
-    except (ValueError, ArtifactCorrupt, WorkFailed) as error:
-        raise WorkFailed(f"{stage}: {error}") from error
+    except (ValueError, errors.ArtifactCorrupt, errors.WorkFailed) as error:
+        raise errors.WorkFailed(f"{stage}: {error}") from error
     except OSError as error:
-        raise WorkFailed(f"{stage}: {system_fault(error)}") from error
+        raise errors.WorkFailed(f"{stage}: {errors.system_fault(error)}") from error
     except Exception as error:
-        if is_out_of_memory(error):
-            fault = system_fault(MemoryError())
-            raise WorkFailed(f"{stage}: {fault}") from MemoryError(str(error))
-        raise WorkFailed(f"{stage} broke: {program_fault(error)}") from error
+        if errors.is_out_of_memory(error):
+            fault = errors.system_fault(MemoryError())
+            raise errors.WorkFailed(f"{stage}: {fault}") from MemoryError(str(error))
+        raise errors.WorkFailed(f"{stage} broke: {errors.program_fault(error)}") from error
 
 
 def load_script(script: Path) -> ModuleType:

@@ -45,18 +45,8 @@ from imocap_core.figures.style import quiet, save
 from imocap_core.figures.sync_figures import affinity_figure, rounds_figure, warp_figure
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import ALL_VIDEOS
+from imocap_core.report import tables
 from imocap_core.report.table_files import Picture
-from imocap_core.report.tables import (
-    event_tables,
-    ground_tables,
-    hand_tables,
-    joint_tables,
-    long_table,
-    metric_tables,
-    round_table,
-    second_look_tables,
-    video_table,
-)
 from imocap_core.report.uncertainty_tables import (
     leave_one_out_tables,
     observability_table,
@@ -79,14 +69,14 @@ def evaluation_tables(
     """The tables that the report shows."""
     every = [*scores.rows, *scores.summary]
     return [
-        *metric_tables(scores.rows, scores.summary),
-        *joint_tables(scores),
-        *hand_tables(every),
-        *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
-        *second_look_tables(again),
-        video_table(keypoints, camera_motion, refined),
-        *ground_tables(initial, camera_motion, refined),
-        *event_tables(refined),
+        *tables.metric_tables(scores.rows, scores.summary),
+        *tables.joint_tables(scores),
+        *tables.hand_tables(every),
+        *([tables.round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
+        *tables.second_look_tables(again),
+        tables.video_table(keypoints, camera_motion, refined),
+        *tables.ground_tables(initial, camera_motion, refined),
+        *tables.event_tables(refined),
         *trust_tables(refined.sync),
         observability_table(claimed, refined.sync),
         *leave_one_out_tables(claimed),
@@ -97,7 +87,7 @@ def evaluation_tables(
 def all_scores_table(scores: ActionScores) -> Table:
     """The long table of every metric, for programs only."""
     per_video = [row for row in scores.rows if row.video != ALL_VIDEOS]
-    return long_table([*per_video, *scores.summary])
+    return tables.long_table([*per_video, *scores.summary])
 
 
 _ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}

@@ -20,15 +20,9 @@ from imocap_core.biomechanics.joint_angles import near
 from imocap_core.body import Model
 from imocap_core.diagnostics.findings import Verdict
 from imocap_core.errors import ImocapError, WorkFailed
+from imocap_core.figures import sheets
 from imocap_core.figures.overlays import CELL_PX, PAPER_RGB, Image
 from imocap_core.figures.page_figures import key_angle_figure
-from imocap_core.figures.sheets import (
-    SheetVideo,
-    moment_cells,
-    read_cells,
-    upright_bodies,
-    upright_world,
-)
 from imocap_core.figures.style import color_of, rgb_of
 from imocap_core.pipeline.generation import LAST_RUN
 from imocap_core.pipeline.runner import Job
@@ -102,8 +96,8 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
         curves[name] = np.stack([near(curve, shown[0]) for curve in shown])
     unknown = np.full(inside.shape[1], np.nan)
     sd = {name: np.stack([a.sd_deg.get(name, unknown) for a in each]) for name in SHOWN}
-    names = key_angles(curves)
-    t, words = key_moment(videos, inside, curves[names[0]], names[0])
+    names = _key_angles(curves)
+    t, words = _key_moment(videos, inside, curves[names[0]], names[0])
     phase_s = videos[0].phase_s
     ids = [video.id for video in videos]
     colors = [color_of(result.ids, video) for video in ids]
@@ -125,7 +119,7 @@ def first_page(result: ActionResult, before: ActionResult | None) -> FirstPage |
     )
 
 
-def key_angles(curves: Curves) -> list[str]:
+def _key_angles(curves: Curves) -> list[str]:
     """The angles that change most, both sides of each; the one that changes most first."""
     ranges = {name: max(map(_range_deg, each)) for name, each in curves.items()}
     order = sorted(ranges, key=lambda name: -ranges[name])
@@ -138,7 +132,7 @@ def _range_deg(angle: Float[np.ndarray, " N"]) -> float:
     return float(np.ptp(shown)) if len(shown) else 0.0
 
 
-def key_moment(
+def _key_moment(
     videos: Sequence[VideoResult],
     inside: Bool[np.ndarray, "M N"],
     angle: Float[np.ndarray, "M N"],
@@ -282,7 +276,7 @@ def card_page(
     title: str,
     verdict: Verdict,
     differences: Sequence[SureDifference],
-    videos: Sequence[SheetVideo],
+    videos: Sequence[sheets.SheetVideo],
     refined: RefineSync,
     model: Model,
 ) -> str | None:
@@ -307,7 +301,7 @@ def card_page(
 def _section(
     number: int,
     difference: SureDifference,
-    videos: Sequence[SheetVideo],
+    videos: Sequence[sheets.SheetVideo],
     refined: RefineSync,
     model: Model,
 ) -> str:
@@ -320,8 +314,8 @@ def _section(
     pictures = []
     for (v, t), name in zip(of, names, strict=True):
         video = videos[v]
-        cells, cuts = read_cells(video.keypoints, video.file, [t])
-        (cell,) = moment_cells(video, [t], cells, cuts)
+        cells, cuts = sheets.read_cells(video.keypoints, video.file, [t])
+        (cell,) = sheets.moment_cells(video, [t], cells, cuts)
         pictures.append(_figure(cell, f"{name}, frame {video.keypoints.frames[t]}"))
     ghost, view = _ghost(difference.angle, of, videos, refined, model)
     pictures.append(_figure(ghost, f"{names[0]} over {names[1]}, from the {view}"))
@@ -335,17 +329,17 @@ def _section(
 def _ghost(
     angle: str,
     of: Sequence[tuple[int, int]],
-    videos: Sequence[SheetVideo],
+    videos: Sequence[sheets.SheetVideo],
     refined: RefineSync,
     model: Model,
 ) -> tuple[Image, str]:
     """Two bodies, (video, index of a frame) each, one seen through the other, facing one way, their
     pelvises above one place; from where the limb of the angle differs most in the picture."""
-    ground, cameras = upright_world(refined), refined.motion.cameras
+    ground, cameras = sheets.upright_world(refined), refined.motion.cameras
     weights = model.weights.numpy()
     bodies, headings = [], []
     for v, t in of:
-        posed, facing = upright_bodies(videos[v].final, cameras[v], ground, model, [t])
+        posed, facing = sheets.upright_bodies(videos[v].final, cameras[v], ground, model, [t])
         middle = posed[0][weights[:, 0] > _OF_BONE].mean(axis=0)
         bodies.append(posed[0] - [middle[0], posed[0][:, 1].min(), middle[2]])
         headings.append(facing[0])

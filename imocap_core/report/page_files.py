@@ -35,7 +35,7 @@ class ActionPage:
     command: str
 
 
-def pages_of(folder: Path, action: str) -> list[ActionPage]:
+def _pages_of(folder: Path, action: str) -> list[ActionPage]:
     """What there is to open in an action's folder of the store, and what could be made."""
 
     def page(name: str, what: str, file: str, command: str) -> ActionPage:
@@ -80,7 +80,7 @@ def links(folder: Path, action: str) -> str:
         f'<a href="../{html.escape(p.file)}">{html.escape(p.name)}</a>'
         if p.file
         else f"<span>{p.name}: <code>{html.escape(p.command)}</code></span>"
-        for p in pages_of(folder, action)
+        for p in _pages_of(folder, action)
         if (p.file and p.file != f"report/{PAGE}") or p.name == _VIEWER
     )
     below = '<a href="#technical">Technical details</a>'
@@ -113,7 +113,7 @@ def _index(folder: Path, action: str, verdict: Verdict | None) -> Iterator[str]:
     name = html.escape(action)
     yield html_head(f"{name} · imocap", "index.css")
     yield f"<h1>{name}{badge(verdict)}</h1>\n{sentences(verdict)}<dl>\n"
-    for page in pages_of(folder, action):
+    for page in _pages_of(folder, action):
         title = html.escape(page.name)
         if page.file:
             yield f'<dt><a href="{html.escape(page.file)}">{title}</a></dt><dd>{page.what}</dd>\n'

@@ -31,18 +31,18 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
     headline = (*METRICS_OF["summary"], *BODY_METRICS)
     tables = [
-        wide_table("summary", summary, headline, per_video=False),
-        wide_table("pose", rows_and_summary, METRICS_OF["pose"]),
-        wide_table("joint_sets", summary, tuple(dict.fromkeys(joint_sets)), per_video=False),
-        wide_table("whole_body", summary, BODY_METRICS, per_video=False),
-        wide_table("sync", rows_and_summary, SYNC_METRICS),
-        wide_table("cameras", rows_and_summary, CAMERA_METRICS),
-        unscored_table(summary),
+        _wide_table("summary", summary, headline, per_video=False),
+        _wide_table("pose", rows_and_summary, METRICS_OF["pose"]),
+        _wide_table("joint_sets", summary, tuple(dict.fromkeys(joint_sets)), per_video=False),
+        _wide_table("whole_body", summary, BODY_METRICS, per_video=False),
+        _wide_table("sync", rows_and_summary, SYNC_METRICS),
+        _wide_table("cameras", rows_and_summary, CAMERA_METRICS),
+        _unscored_table(summary),
     ]
     return [table for table in tables if table.rows]
 
 
-def unscored_table(summary: Sequence[ScoreRow]) -> Table:
+def _unscored_table(summary: Sequence[ScoreRow]) -> Table:
     """Metrics that could not be scored for any video, and the reasons."""
     why: dict[str, str] = {}
     for row in summary:
@@ -102,7 +102,7 @@ def long_table(rows: Sequence[ScoreRow]) -> Table:
     return table_of("metrics", [{name: getattr(row, name) for name in columns} for row in rows])
 
 
-def wide_table(
+def _wide_table(
     name: str, rows: Iterable[ScoreRow], metrics: Sequence[str], *, per_video: bool = True
 ) -> Table:
     """One row per result and video, one column per metric; empty columns are omitted."""
@@ -146,7 +146,7 @@ def joint_tables(scores: ActionScores) -> list[Table]:
 def hand_tables(rows: Sequence[ScoreRow]) -> list[Table]:
     """One table, or none without hands."""
     of_hands = [row for row in rows if row.metric in METRICS]
-    return [wide_table("hands", of_hands, METRICS)] if of_hands else []
+    return [_wide_table("hands", of_hands, METRICS)] if of_hands else []
 
 
 def event_tables(refined: RefineSync) -> list[Table]:

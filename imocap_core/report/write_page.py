@@ -87,11 +87,11 @@ def write_page(
     evaluated = stored["evaluate"].decode(Evaluate)
     model = load_free_body()
     tables = {table.name: table for table in evaluated.tables}
-    videos, refined = sheet_videos_of(job, stored, model), stored["refine_sync"].decode(RefineSync)
+    videos, refined = _sheet_videos_of(job, stored, model), stored["refine_sync"].decode(RefineSync)
     pictures = draw_page_figures(
         folder,
         videos,
-        sheet_results_of(stored),
+        _sheet_results_of(stored),
         keypoints,
         refined,
         stored["uncertainty"].decode(Uncertainty),
@@ -125,7 +125,7 @@ def write_page(
     record_made(folder, [*files, *drawn, *([CARD] if card else [])])
 
 
-def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
+def _sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
     """Each video with its monocular and its final motion."""
     return sheet_videos(
         stored["keypoints"].decode(Keypoints),
@@ -137,7 +137,7 @@ def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> lis
     )
 
 
-def sheet_results_of(stored: Mapping[str, Stored]) -> list[SheetResult]:
+def _sheet_results_of(stored: Mapping[str, Stored]) -> list[SheetResult]:
     """The results that are shown side by side, in the order of the stages."""
     cameras = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos

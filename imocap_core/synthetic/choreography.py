@@ -124,7 +124,7 @@ _GIVE_DEG |= {
 _GIVE_HIPS_M = (0.06, 0.20, 0.20)
 
 
-def per_name(table: Mapping[str, object], names: Sequence[str]) -> Float[np.ndarray, "N ..."]:
+def _per_name(table: Mapping[str, object], names: Sequence[str]) -> Float[np.ndarray, "N ..."]:
     """Rows of a table by names without their side."""
     return np.array([table[sideless(name)] for name in names], dtype=np.float64)
 
@@ -238,9 +238,9 @@ def solve_contacts(
     Gauss-Newton steps with 75 unknowns per frame.
     """
     frames = len(guess)
-    give = np.concatenate([np.deg2rad(per_name(_GIVE_DEG, SMPL_JOINTS)).ravel(), _GIVE_HIPS_M])
+    give = np.concatenate([np.deg2rad(_per_name(_GIVE_DEG, SMPL_JOINTS)).ravel(), _GIVE_HIPS_M])
     prior = np.diag(1.0 / give**2)
-    clearance = per_name(_CLEARANCE_M | _SKIN_M, POINTS)
+    clearance = _per_name(_CLEARANCE_M | _SKIN_M, POINTS)
     rotations, pelvis = guess, hips
     for iteration in range(_ITERATIONS):
         firmness = 10 ** (-_GENTLE_DECADES * max(0.0, 1 - iteration / _GENTLE))
@@ -364,7 +364,7 @@ def _vary(
 
     Half of the variance is the performance's style, the same at every key.
     """
-    spread = np.deg2rad(per_name(_SPREAD_DEG, SMPL_JOINTS))
+    spread = np.deg2rad(_per_name(_SPREAD_DEG, SMPL_JOINTS))
     style = rng.normal(size=spread.shape)
     moment = rng.normal(size=(len(keys), *spread.shape))
     departure = spread * (style + moment) / np.sqrt(2.0)

@@ -41,7 +41,7 @@ _OUTLIER_RATE, _OUTLIER_NOISE, _MISS_RATE = 0.02, 0.3, 0.03
 _LOST_PER_S, _LOST_S = 0.15, 0.4  # times in which a whole hand is not detected
 
 
-def perform_fingers(
+def _perform_fingers(
     hands: Sequence[tuple[str, str]],
     poses: Mapping[str, Float[np.ndarray, "21"]],
     key_times: Float[np.ndarray, " N"],
@@ -64,7 +64,7 @@ def perform_fingers(
     return (exp(vectors) @ exp(torch.as_tensor(odd))).flatten(1, 3).numpy()
 
 
-def detect_hands(
+def _detect_hands(
     xy_px: Float[np.ndarray, "T 2 21 2"],
     length_px: Float[np.ndarray, "T 2"],
     hidden: Bool[np.ndarray, "T 2"],
@@ -134,7 +134,7 @@ def make_taichi_clip(seed: int, index: int, shaped: Shaped) -> DemoClip:
     body = perform(TAI_CHI, span, contact_forward(plain), rest, sole_height, motion_rng)
     key_times = np.array([key.time_s for key in TAI_CHI])
     skeleton = hand_skeleton(shaped)
-    fingers = perform_fingers(
+    fingers = _perform_fingers(
         HANDS, HAND_POSES, key_times, body.phase / PHASE_PER_S, skeleton, finger_rng
     )
     whole = np.concatenate([body.R_local[:, :22], fingers], axis=1)
@@ -154,7 +154,7 @@ def make_taichi_clip(seed: int, index: int, shaped: Shaped) -> DemoClip:
     hands_px, hands_depth = camera.pixels(hands)
     length_px = camera.K[1, 1] * skeleton.length_m.numpy() / hands_depth[..., 0]
     hidden = _hidden(camera, hands, joints)
-    detected_hands = detect_hands(hands_px, length_px, hidden, span.fps, hand_rng)
+    detected_hands = _detect_hands(hands_px, length_px, hidden, span.fps, hand_rng)
     return DemoClip(
         span.fps,
         SIZE,

@@ -96,7 +96,7 @@ class ShownMotion:
 
 def final_motion(video: VideoResult, fingers: bool) -> ShownMotion:
     """The motion of a levelled result; with `fingers` in SMPL+H's joints."""
-    theta = with_fingers(video.theta) if fingers and video.hands is None else video.poses
+    theta = _with_fingers(video.theta) if fingers and video.hands is None else video.poses
     return ShownMotion(theta, video.betas, video.trans, video.body_joints)
 
 
@@ -105,11 +105,11 @@ def monocular_motion(motion: VideoMotion, camera: VideoCamera, fingers: bool) ->
     placed = to_world(
         BodyMotion(motion.theta, motion.trans, motion.joints), Extrinsics(camera.R, camera.t)
     )
-    theta = with_fingers(placed.theta) if fingers else placed.theta
+    theta = _with_fingers(placed.theta) if fingers else placed.theta
     return ShownMotion(theta, motion.betas, placed.trans, placed.joints)
 
 
-def with_fingers(theta: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 156"]:
+def _with_fingers(theta: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 156"]:
     """SMPL's poses in SMPL+H's joints: fingers turn as SMPL's hand joints do."""
     R_local = smplh_from_smpl(rotations_from_pose(torch.as_tensor(theta)))
     fingers = pose_from_rotations(R_local)[:, _BODY_ANGLES:].numpy()

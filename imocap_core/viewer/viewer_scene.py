@@ -34,29 +34,8 @@ from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import body_model_of, contact_frames
+from imocap_core.viewer import html, viewer_video
 from imocap_core.viewer import html as viewer
-from imocap_core.viewer.html import (
-    Block,
-    ShownMotion,
-    final_motion,
-    model_entry,
-    monocular_motion,
-    motion_entry,
-    shape_entry,
-)
-from imocap_core.viewer.viewer_video import (
-    PICTURES,
-    SMALL,
-    camera_entry,
-    detected_entry,
-    identity_entry,
-    phase_of,
-    picture_entry,
-    skeleton_entry,
-    stride,
-    timeline_entry,
-    uncertainty_entry,
-)
 from imocap_core.viewer.viewer_video import windows as windows_of
 
 
@@ -81,7 +60,7 @@ _ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 class _Shapes:
     """The rest surfaces in use, each once."""
 
-    def __init__(self, block: Block, model: Model) -> None:
+    def __init__(self, block: html.Block, model: Model) -> None:
         self._block, self._model = block, model
         self._index: dict[bytes, int] = {}
         self.entries: list[dict[str, Any]] = []
@@ -91,14 +70,14 @@ class _Shapes:
         if betas.tobytes() not in self._index:
             self._index[betas.tobytes()] = len(self.entries)
             shaped = self._model.shape(torch.as_tensor(betas))
-            self.entries.append(shape_entry(self._block, shaped))
+            self.entries.append(html.shape_entry(self._block, shaped))
         return self._index[betas.tobytes()]
 
 
 def scene(
     result: ActionResult,
     model: Model,
-    block: Block,
+    block: html.Block,
     progress: Callable[[float, str], None] = lambda share, what: None,
     small: bool = False,
 ) -> dict[str, Any]:
@@ -119,23 +98,25 @@ def scene(
     detected = keypoints.videos
     windows = windows_of([_straight_boxes(v) for v in result], [v.size for v in detected])
     filmed = [len(video) for video in result if video.video is not None]
-    most, longest_px = SMALL if small else PICTURES
-    every, videos, finals, count = stride(filmed, most), [], [], len(sync.ids)
+    most, longest_px = viewer_video.SMALL if small else viewer_video.PICTURES
+    every, videos, finals, count = viewer_video.stride(filmed, most), [], [], len(sync.ids)
     for i, (video, window) in enumerate(zip(level, windows, strict=True)):
         progress(i / len(level), video.id)
         motions = {
-            "initial": monocular_motion(alone[i], video.camera, fingers),
-            "final": final_motion(video, fingers),
+            "initial": html.monocular_motion(alone[i], video.camera, fingers),
+            "final": html.final_motion(video, fingers),
         }
         finals.append(motions["final"])
         answers = {
-            kind: {"shape": shapes.index(motion.betas), **motion_entry(block, motion)}
+            kind: {"shape": shapes.index(motion.betas), **html.motion_entry(block, motion)}
             for kind, motion in motions.items()
         }
         pictures = None
         if video.video is not None:
             frames, lens = video.keypoints.frames, video.camera.lens
-            pictures = picture_entry(block, video.video, frames, every, window, lens, longest_px)
+            pictures = viewer_video.picture_entry(
+                block, video.video, frames, every, window, lens, longest_px
+            )
         entry = _video_entry(block, result, level, i, alone[i])
         videos.append({**entry, "answers": answers, "view": list(window), "pictures": pictures})
     return {
@@ -144,8 +125,8 @@ def scene(
         "legend": _LEGEND + model.name.replace("_", " "),
         "verdict": _verdict_entry(result),
         "reference": sync.reference,
-        "timeline": timeline_entry(keypoints, sync),
-        "model": model_entry(block, model),
+        "timeline": viewer_video.timeline_entry(keypoints, sync),
+        "model": html.model_entry(block, model),
         "shapes": shapes.entries,
         "videos": videos,
         **_eye(finals, [v["camera"]["centre"] for v in videos], sync),
@@ -159,7 +140,7 @@ def _straight_boxes(video: VideoResult) -> Float[np.ndarray, "T 4"]:
 
 
 def _video_entry(
-    block: Block, result: ActionResult, level: ActionResult, i: int, alone: VideoMotion
+    block: html.Block, result: ActionResult, level: ActionResult, i: int, alone: VideoMotion
 ) -> dict[str, Any]:
     """Everything about video i but its bodies and pictures."""
     video, keypoints = result.videos[i], result.artifacts.get(Keypoints)
@@ -173,16 +154,19 @@ def _video_entry(
     if camera.path_m is not None:
         final = final - camera.path_m[:, None]
     return {
-        **identity_entry(block, keypoints, i, result.sync.summary),
-        "camera": camera_entry(block, level.videos[i].camera),
-        "detected": detected_entry(block, video.keypoints, camera.lens),
+        **viewer_video.identity_entry(block, keypoints, i, result.sync.summary),
+        "camera": viewer_video.camera_entry(block, level.videos[i].camera),
+        "detected": viewer_video.detected_entry(block, video.keypoints, camera.lens),
         "contacts": contact_spans(
-            contact_frames(level.videos[i]), phase_of(result.sync.summary, keypoints, i)
+            contact_frames(level.videos[i]),
+            viewer_video.phase_of(result.sync.summary, keypoints, i),
         ),
-        "sigma": uncertainty_entry(block, result.artifacts.find(Uncertainty), video.id),
+        "sigma": viewer_video.uncertainty_entry(
+            block, result.artifacts.find(Uncertainty), video.id
+        ),
         "projected": {
-            "initial": skeleton_entry(block, alone.joints, camera, K_alone),
-            "final": skeleton_entry(block, final, camera, camera.K),
+            "initial": viewer_video.skeleton_entry(block, alone.joints, camera, K_alone),
+            "final": viewer_video.skeleton_entry(block, final, camera, camera.K),
         },
     }
 
@@ -201,7 +185,7 @@ def _verdict_entry(result: ActionResult) -> dict[str, Any] | None:
         span: list[float | None] = [None, None]
         i = ids.index(finding.video) if finding.video in ids else -1
         if i >= 0 and finding.first_frame is not None:
-            phase_s = phase_of(result.sync.summary, keypoints, i)
+            phase_s = viewer_video.phase_of(result.sync.summary, keypoints, i)
             ends = [finding.first_frame, finding.last_frame or finding.first_frame]
             index = np.clip(np.searchsorted(keypoints.videos[i].frames, ends), 0, len(phase_s) - 1)
             span = phase_s[index].tolist()
@@ -213,7 +197,7 @@ def _verdict_entry(result: ActionResult) -> dict[str, Any] | None:
 
 
 def _eye(
-    motions: Sequence[ShownMotion], centres: Sequence[list[float]], sync: SyncSummary
+    motions: Sequence[html.ShownMotion], centres: Sequence[list[float]], sync: SyncSummary
 ) -> dict[str, Any]:
     """Where the view opens, and how far each performer reaches."""
     bounds = [_box(motion.joints.reshape(-1, 3)) for motion in motions]
@@ -262,7 +246,7 @@ def write_viewer(
         return False
     if out.exists() and out.stat().st_size and _STAMPED not in _head(out):
         raise WorkFailed(f"{out} exists and is no viewer; choose another name with --out")
-    block = Block()
+    block = html.Block()
     try:
         hands = any(video.hands is not None for video in result)
         header = scene(result, body_model_of(result.videos[0], hands), block, progress, small)
@@ -281,7 +265,7 @@ def unfinished_viewer(result: ActionResult) -> str:
 
     WorkFailed names the artifact that is missing or unreadable.
     """
-    block, hands = Block(), any(video.hands is not None for video in result)
+    block, hands = html.Block(), any(video.hands is not None for video in result)
     model = body_model_of(result.videos[0], hands)
     return viewer.page(scene(result, model, block, small=True), block, "")
 

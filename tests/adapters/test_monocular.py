@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.lifter.measure import LifterRow, markdown, write_table
+from benchmarks.lifter import LifterRow, markdown, write_table
 from imocap_core.adapters.monocular import (
     ANY,
     SingleVideo,

@@ -5,12 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ablations import claims, sync_only
-from benchmarks.ablations import measure as ablations
-from benchmarks.ablations.variants import VARIANTS, VariantRun, chosen_variants
-from benchmarks.actions.choice import Choice
-from benchmarks.scoring.costs import Cost
-from benchmarks.scoring.score_file import LAST, SINGLE, ActionScore
+from benchmarks import ablation_variants, ablations
+from benchmarks.ablation_variants import VARIANTS, VariantRun, chosen_variants
+from benchmarks.actions.captured_videos import Choice
+from benchmarks.scoring import LAST, SINGLE, ActionScore, Cost
 from benchmarks.tables import PA, SCALED, SYNC
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import WorkFailed, WrongUse
@@ -28,7 +26,7 @@ def made_score(variant: str, action: str, value: float) -> ActionScore:
     return ActionScore(action, 4, 300, numbers, dict.fromkeys(stages, Cost(10.0, 1.0)), variant)
 
 
-def scores_of(**values: list[float]) -> claims.VariantScores:
+def scores_of(**values: list[float]) -> ablations.VariantScores:
     return {
         name: {f"a{k}": made_score(name, f"a{k}", v) for k, v in enumerate(row)}
         for name, row in values.items()
@@ -75,27 +73,27 @@ def test_runs_share_a_folder_when_their_inputs_agree() -> None:
 
 def test_differences_are_paired_by_action() -> None:
     scores = scores_of(default=[10.0, 20.0], no_iteration=[11.0, 23.0, 99.0])
-    claim = claims.Claim("x", "default", "no_iteration", (SCALED,))
-    assert claims.differences(claim, SCALED, scores) == [1.0, 3.0]
+    claim = ablations.Claim("x", "default", "no_iteration", (SCALED,))
+    assert ablations.differences(claim, SCALED, scores) == [1.0, 3.0]
 
 
 def test_fewer_videos_are_compared_on_those_that_both_have() -> None:
     scores = scores_of(videos_2=[10.0], videos_1=[15.0])
     score = scores["videos_2"]["a0"]
     score.numbers["after loop, first 1"] = {SCALED: 12.0}
-    claim = claims.Claim("x", "videos_2", "videos_1", (SCALED,), common=1)
-    assert claims.differences(claim, SCALED, scores) == [3.0]
+    claim = ablations.Claim("x", "videos_2", "videos_1", (SCALED,), common=1)
+    assert ablations.differences(claim, SCALED, scores) == [3.0]
 
 
 def test_a_verdict_needs_two_standard_errors() -> None:
-    assert claims.verdict([1.0, 1.1, 0.9]) == "confirmed"
-    assert claims.verdict([-1.0, -1.1, -0.9]) == "refuted"
-    assert claims.verdict([1.0, -1.1, 0.9]) == "undecided"
-    assert claims.verdict([5.0]) == "undecided"
+    assert ablations.verdict([1.0, 1.1, 0.9]) == "confirmed"
+    assert ablations.verdict([-1.0, -1.1, -0.9]) == "refuted"
+    assert ablations.verdict([1.0, -1.1, 0.9]) == "undecided"
+    assert ablations.verdict([5.0]) == "undecided"
 
 
 def test_every_claim_speaks_of_variants_that_there_are() -> None:
-    for claim in (*claims.PAPER_CLAIMS, *claims.OUR_CLAIMS):
+    for claim in (*ablations.PAPER_CLAIMS, *ablations.OUR_CLAIMS):
         assert {claim.better, claim.worse} <= set(BY_NAME)
 
 
@@ -123,6 +121,6 @@ def test_variants_that_fail_leave_the_others_and_say_so(tmp_path, monkeypatch):
 
 def test_the_equal_stretch_goes_from_end_to_end() -> None:
     keypoints = Keypoints(videos=[swinging_video("a", 5), swinging_video("b", 9)])
-    sync = sync_only.stretched(keypoints, "b")
+    sync = ablation_variants.stretched(keypoints, "b")
     np.testing.assert_allclose(sync.maps[0].reference_frame, [0, 2, 4, 6, 8])
     np.testing.assert_allclose(sync.maps[1].reference_frame, np.arange(9))

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.collect.edit import SIZE, CutPiece, Piece, write_film
-from benchmarks.collect.truth import Tally, boundary_tally, true_boundaries
+from benchmarks import collect_edit
 from imocap_core.collect.listing import ListedShot
 from imocap_core.collect.shots import find_shots
 from imocap_core.io.video import read_gray, write_h264
@@ -28,17 +27,19 @@ def takes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def film(takes, tmp_path_factory):
     a, b, c = takes
     pieces = [
-        Piece(a, shown="serve/a"),
-        Piece(b, "dissolve", 10, shown="kick/b", letterbox=True),
-        Piece(None, length=8),
-        Piece(a, span=(0, 10), repeat=4, shown="serve/a", caption="REPLAY"),
-        Piece(c, "fade", 8, step=2),
+        collect_edit.Piece(a, shown="serve/a"),
+        collect_edit.Piece(b, "dissolve", 10, shown="kick/b", letterbox=True),
+        collect_edit.Piece(None, length=8),
+        collect_edit.Piece(a, span=(0, 10), repeat=4, shown="serve/a", caption="REPLAY"),
+        collect_edit.Piece(c, "fade", 8, step=2),
     ]
     file = tmp_path_factory.mktemp("film") / "film.mp4"
-    return file, write_film(file, pieces)
+    return file, collect_edit.write_film(file, pieces)
 
 
-def test_the_pieces_are_where_the_editor_says(film: tuple[Path, list[CutPiece]]) -> None:
+def test_the_pieces_are_where_the_editor_says(
+    film: tuple[Path, list[collect_edit.CutPiece]],
+) -> None:
     file, places = film
     assert [(p.first, p.stop, p.source_first) for p in places] == [
         (0, 40, 0),
@@ -48,25 +49,27 @@ def test_the_pieces_are_where_the_editor_says(film: tuple[Path, list[CutPiece]])
         (146, 163, 8),
     ]
     pictures = [picture for _, picture in read_gray(file)]
-    assert pictures[0].shape == SIZE[::-1]
+    assert pictures[0].shape == collect_edit.SIZE[::-1]
     assert len(pictures) == 163
     assert pictures[93].max() < 24
     assert np.abs(pictures[100].astype(float) - pictures[99]).mean() < 1.0  # shown again
 
 
-def test_its_shots_are_found(film: tuple[Path, list[CutPiece]]) -> None:
+def test_its_shots_are_found(film: tuple[Path, list[collect_edit.CutPiece]]) -> None:
     file, places = film
-    truth = true_boundaries(places)
+    truth = collect_edit.true_boundaries(places)
     assert [kind for _, _, kind in truth] == ["dissolve", "black", "fade"]
     found = find_shots(picture for _, picture in read_gray(file, scale=0.25))
-    assert boundary_tally([_listed(s.first, s.stop) for s in found], truth) == Tally(3, 3, 0)
+    assert collect_edit.boundary_tally(
+        [_listed(s.first, s.stop) for s in found], truth
+    ) == collect_edit.Tally(3, 3, 0)
 
 
 def test_missed_and_false_boundaries_are_counted() -> None:
     truth = [(40, 50, "dissolve"), (90, 90, "cut"), (120, 120, "cut")]
     shots = [_listed(0, 41), _listed(49, 70), _listed(70, 92), _listed(92, 150)]
-    tally = boundary_tally(shots, truth)
-    assert tally == Tally(3, 2, 1)
+    tally = collect_edit.boundary_tally(shots, truth)
+    assert tally == collect_edit.Tally(3, 2, 1)
     assert tally.recall == pytest.approx(2 / 3)
     assert tally.precision == pytest.approx(2 / 3)
 

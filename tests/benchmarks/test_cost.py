@@ -6,12 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.cost.action import SIZE, ActionSize, made_clip
-from benchmarks.cost.bookkeeping import STAGES, make_store
-from benchmarks.cost.measure import CostTimer, StageCost, processor_seconds
-from benchmarks.cost.model import TERMS, CostModel, fitted
-from benchmarks.cost.models import models_of, of_actions
-from benchmarks.cost.scale import DETECTION_S, DOLLARS_A_CORE_HOUR, FPS, MBIT_PER_S, scaled
+from benchmarks.cost import (
+    DETECTION_S,
+    DOLLARS_A_CORE_HOUR,
+    FPS,
+    MBIT_PER_S,
+    TERMS,
+    CostModel,
+    fitted,
+    models_of,
+    of_actions,
+    scaled,
+)
+from benchmarks.cost_action import SIZE, ActionSize, made_clip
+from benchmarks.cost_stages import STAGES, CostTimer, StageCost, make_store, processor_seconds
 from benchmarks.parallel import LineDisplay
 from imocap_core.artifacts.store import cached_results
 from imocap_core.pipeline.make_demo import demo_body

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from benchmarks.degraded.folders import make_footage
-from benchmarks.degraded.footage import FOOTAGES, THIRDS, degraded_pictures
-from benchmarks.degraded.measure import ACTIONS
-from benchmarks.detector.degradations import LEGS
-from benchmarks.detector.reference import PARTS, SIDES
+from benchmarks.degraded import ACTIONS
+from benchmarks.degraded_footage import FOOTAGES, THIRDS, degraded_pictures, make_footage
+from benchmarks.detector import LEGS, PARTS, SIDES
 from imocap_core.io.video import probe, read_rgb, write_h264
 
 FRAMES, SIZE = 12, (112, 96)  # width, height

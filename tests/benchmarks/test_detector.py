@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.detector.degradations import DEGRADATIONS, halved, motion_blur, second_person
-from benchmarks.detector.detection_errors import DetectedClip, point_errors, swapped_share
-from benchmarks.detector.detector_bias import detector_bias, swapped_body_share
-from benchmarks.detector.measure import PerformerLimbs, best_shift, errors, score_of
-from benchmarks.detector.reference import shifted
+from benchmarks import detection_errors
+from benchmarks.detector import (
+    DEGRADATIONS,
+    PerformerLimbs,
+    best_shift,
+    errors,
+    halved,
+    motion_blur,
+    score_of,
+    second_person,
+    shifted,
+)
 from imocap_core.conventions import OTHER
 from imocap_core.synthetic.detector import DetectorErrors, KeypointErrors, detect, persistent_noise
 
@@ -81,7 +88,7 @@ FRAMES = 800
 QUIET = {"noise": 1e-6, "outlier_rate": 0.0, "miss_rate": 0.0, "swap_rate": 0.0}
 
 
-def biased_film(seed: int, frames: int = FRAMES, **errors: object) -> DetectedClip:
+def biased_film(seed: int, frames: int = FRAMES, **errors: object) -> detection_errors.DetectedClip:
     rng = np.random.default_rng(seed)
     still = 300 + 60 * rng.normal(size=(1, len(BIASED_NAMES), 2))
     true = (
@@ -92,7 +99,7 @@ def biased_film(seed: int, frames: int = FRAMES, **errors: object) -> DetectedCl
     height = np.full(frames, HEIGHT_PX)
     detections = detect(true, height, BIASED_NAMES, FPS, rng, DetectorErrors(**(QUIET | errors)))  # type: ignore[arg-type]
     visible = np.where(detections.confidence[..., None] > 0, detections.xy_px, np.nan)
-    return DetectedClip(visible, true, height, "front", FPS)
+    return detection_errors.DetectedClip(visible, true, height, "front", FPS)
 
 
 def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
@@ -106,10 +113,10 @@ def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
         ("hip", OTHER, 0.2),
         ("elbow", "wrist", 0.0),
     ):
-        bias = detector_bias(films, BIASED_NAMES, kind, target)
+        bias = detection_errors.detector_bias(films, BIASED_NAMES, kind, target)
         assert bias.share == pytest.approx(share, abs=1e-4)
         assert bias.lasting < 1e-4
-    assert detector_bias(films, BIASED_NAMES, "wrist", "").lasting > 1e-3
+    assert detection_errors.detector_bias(films, BIASED_NAMES, "wrist", "").lasting > 1e-3
 
 
 def test_lasting_offsets_are_separated_from_noise() -> None:
@@ -119,7 +126,7 @@ def test_lasting_offsets_are_separated_from_noise() -> None:
         )
         for seed in range(30)
     ]
-    bias = detector_bias(films, BIASED_NAMES, "elbow", "")
+    bias = detection_errors.detector_bias(films, BIASED_NAMES, "elbow", "")
     assert bias.lasting == pytest.approx(0.01, rel=0.25)
     assert bias.spread == pytest.approx(0.006, rel=0.15)
     assert bias.persistent > 0.9
@@ -132,11 +139,11 @@ def test_outliers_come_at_their_rate_and_stay_in_bouts() -> None:
         biased_film(seed, outlier_rate=0.03, outlier_noise=0.3, outlier_s=0.2, by_kind=marking)
         for seed in range(4)
     ]
-    wrist = detector_bias(films, BIASED_NAMES, "wrist", "")
+    wrist = detection_errors.detector_bias(films, BIASED_NAMES, "wrist", "")
     assert wrist.outlier_rate == pytest.approx(0.06, rel=0.25)
     assert wrist.outlier_s == pytest.approx(0.2, rel=0.15)
     assert wrist.outlier_size == pytest.approx(0.3, rel=0.15)
-    assert detector_bias(films, BIASED_NAMES, "hip", "").outlier_rate == 0
+    assert detection_errors.detector_bias(films, BIASED_NAMES, "hip", "").outlier_rate == 0
 
 
 def test_only_a_body_swapped_as_a_whole_is_turned() -> None:
@@ -146,8 +153,12 @@ def test_only_a_body_swapped_as_a_whole_is_turned() -> None:
         for kind in kinds:
             left, right = BIASED_NAMES.index(f"left_{kind}"), BIASED_NAMES.index(f"right_{kind}")
             detected[20:50, [left, right]] = clean.detected_px[20:50, [right, left]]
-        swapped = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
-        assert swapped_body_share(swapped, BIASED_NAMES, 0.01) == pytest.approx(share)
+        swapped = detection_errors.DetectedClip(
+            detected, clean.true_px, clean.height_px, "front", FPS
+        )
+        assert detection_errors.swapped_body_share(swapped, BIASED_NAMES, 0.01) == pytest.approx(
+            share
+        )
 
 
 NAMES = ("nose", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow",
@@ -156,15 +167,17 @@ HEIGHT_PX, FPS = 400.0, 30.0
 BIAS, SPREAD = np.array([0.01, -0.02]), 0.008
 
 
-def film(rng: np.random.Generator, frames: int = 3000) -> DetectedClip:
+def film(rng: np.random.Generator, frames: int = 3000) -> detection_errors.DetectedClip:
     true = 300 + 150 * rng.uniform(-1, 1, (1, len(NAMES), 2)) + 20 * rng.normal(size=(frames, 1, 2))
     error = BIAS + SPREAD * persistent_noise(true.shape, 0.3 * FPS, rng)
-    return DetectedClip(true + HEIGHT_PX * error, true, np.full(frames, HEIGHT_PX), "front", FPS)
+    return detection_errors.DetectedClip(
+        true + HEIGHT_PX * error, true, np.full(frames, HEIGHT_PX), "front", FPS
+    )
 
 
 def test_bias_spread_and_persistence_come_back() -> None:
     rng = np.random.default_rng(0)
-    for row in point_errors([film(rng), film(rng)], NAMES):
+    for row in detection_errors.point_errors([film(rng), film(rng)], NAMES):
         assert (row.bias_x, row.bias_y) == pytest.approx(tuple(BIAS), abs=0.0015)
         assert row.spread == pytest.approx(SPREAD, rel=0.1)
         assert row.persistent == pytest.approx(0.5, abs=0.1)
@@ -175,10 +188,14 @@ def test_bias_spread_and_persistence_come_back() -> None:
 
 def test_errors_scale_with_the_person() -> None:
     small = film(np.random.default_rng(1))
-    large = DetectedClip(
+    large = detection_errors.DetectedClip(
         3 * small.detected_px, 3 * small.true_px, 3 * small.height_px, "front", FPS
     )
-    for a, b in zip(point_errors([small], NAMES), point_errors([large], NAMES), strict=True):
+    for a, b in zip(
+        detection_errors.point_errors([small], NAMES),
+        detection_errors.point_errors([large], NAMES),
+        strict=True,
+    ):
         assert a.spread == pytest.approx(b.spread)
         assert a.bias_x == pytest.approx(b.bias_x)
 
@@ -190,14 +207,14 @@ def test_outliers_and_misses_are_counted_apart() -> None:
     wrong = rng.random(len(detected)) < 0.04
     detected[wrong, 0] += 0.2 * HEIGHT_PX
     detected[rng.random(len(detected)) < 0.1, 1] = np.nan
-    spoiled = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
-    nose, shoulder = point_errors([spoiled], NAMES)[:2]
+    spoiled = detection_errors.DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
+    nose, shoulder = detection_errors.point_errors([spoiled], NAMES)[:2]
     assert nose.outlier_rate == pytest.approx(wrong.mean(), abs=0.003)
     assert nose.outlier_size == pytest.approx(0.2, rel=0.1)
     assert (nose.unused_rate, nose.used_outlier_rate) == (0.0, nose.outlier_rate)
     is_used = np.tile(~wrong[:, None], len(NAMES))
     is_used[np.flatnonzero(wrong)[0]] = True  # one of the wrong ones is used all the same
-    (unsure, *_) = point_errors([replace(spoiled, is_used=is_used)], NAMES)
+    (unsure, *_) = detection_errors.point_errors([replace(spoiled, is_used=is_used)], NAMES)
     assert unsure.outlier_rate == nose.outlier_rate
     assert unsure.unused_rate == pytest.approx((wrong.sum() - 1) / len(wrong))
     assert unsure.used_outlier_rate == pytest.approx(1 / is_used[:, 0].sum(), abs=0.002)
@@ -209,22 +226,22 @@ def test_outliers_and_misses_are_counted_apart() -> None:
 
 def test_swapped_arms_and_only_those_are_counted() -> None:
     clean = film(np.random.default_rng(3), frames=200)
-    assert swapped_share(clean, NAMES, "arm") == 0
+    assert detection_errors.swapped_share(clean, NAMES, "arm") == 0
     detected = clean.detected_px.copy()
     detected[50:80, 1:4], detected[50:80, 4:7] = (
         clean.detected_px[50:80, 4:7],
         clean.detected_px[50:80, 1:4],
     )
-    swapped = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
-    assert swapped_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
+    swapped = detection_errors.DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
+    assert detection_errors.swapped_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
 
 
 def test_white_errors_have_no_persistence() -> None:
     rng = np.random.default_rng(4)
     true = np.zeros((2000, 1, 2))
-    noise = DetectedClip(
+    noise = detection_errors.DetectedClip(
         rng.normal(0, 4.0, true.shape), true, np.full(2000, HEIGHT_PX), "front", FPS
     )
-    (row,) = point_errors([noise], ["nose"])
+    (row,) = detection_errors.point_errors([noise], ["nose"])
     assert np.isnan(row.persistent)
     assert row.spread == pytest.approx(0.01, rel=0.05)

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.field.facts import CURVES, STATISTICS
-from benchmarks.penn.clips import GROUP, Clip, groups_of, make_group
-from benchmarks.penn.hidden_limbs import LIMBS, NAMES, straight_px
+from benchmarks.field import CURVES, STATISTICS
+from benchmarks.penn import GROUP, LIMBS, NAMES, Clip, groups_of, make_group, straight_px
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
 

@@ -7,10 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from benchmarks.actions import h36m
-from benchmarks.actions.choice import Choice
-from benchmarks.actions.h36m_files import FILE_2D, FILE_3D, H36M_17, read_h36m
+from benchmarks.actions.captured_videos import Choice
+from benchmarks.actions.h36m import FILE_2D, FILE_3D, H36M_17, read_h36m, resect
 from benchmarks.actions.prepare import chosen_names
-from benchmarks.actions.resection import resect
 from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, COCO18, place_camera
 from imocap_core.camera.projection import intrinsics, project
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import docs, measure, plan
-from benchmarks.plan import PLAN, PYTHON, Measurement
+from benchmarks import docs, measure
+from benchmarks.measure import PLAN, PYTHON, Measurement
 
 ROOT = Path(__file__).resolve().parents[2]
 WRITE = "open('made.md', 'a').write('# Title\\n\\n| a |\\n')"
@@ -67,6 +67,6 @@ def test_every_measured_table_has_its_place_and_no_other_has() -> None:
 
 def test_robustness_is_counted_from_its_records() -> None:
     fuzzed = json.dumps({"became": {"a": {"read": 1200, "Hung": 2}, "b": {"refused": 3}}})
-    assert plan.fuzz_table(fuzzed).endswith("| damaged files of 2 readers | 1,205 | 2 |")
+    assert measure.fuzz_table(fuzzed).endswith("| damaged files of 2 readers | 1,205 | 2 |")
     chaos = json.dumps({"full disk": {"tried": 13, "lost": 0}})
-    assert plan.chaos_table(chaos).endswith("| full disk | 13 | 0 |")
+    assert measure.chaos_table(chaos).endswith("| full disk | 13 | 0 |")

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.actions.captured import CapturedVideo
-from benchmarks.detector.detection_errors import DetectedClip
-from benchmarks.rendered import action as rendered_action
-from benchmarks.rendered.action import _with_body_joints, key_of, true_pose
-from benchmarks.rendered.jobs import RenderedChoice
-from benchmarks.rendered.measure import measure
-from benchmarks.rendered.tables import proposal
-from benchmarks.synthetic.performers import RetargetedMotion
+from benchmarks.actions.captured_videos import CapturedVideo
+from benchmarks.detection_errors import DetectedClip
+from benchmarks.rendered import measure, proposal
+from benchmarks.rendered_action import RenderedChoice, _with_body_joints, key_of, true_pose
+from benchmarks.synthetic.films import FilmedMotion
+from benchmarks.synthetic.retargeting import RetargetedMotion
 from imocap_core.body import load_free_body
 from imocap_core.errors import WrongUse
 from imocap_core.rotations import exp
@@ -28,7 +26,7 @@ def films() -> list[DetectedClip]:
 
 
 def test_the_proposal_gives_back_what_simulated_detections_were_made_with() -> None:
-    from benchmarks.detector.detection_errors import point_errors
+    from benchmarks.detection_errors import point_errors
 
     given = films()
     table = proposal(given, point_errors(given, NAMES), NAMES)
@@ -47,7 +45,7 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     shift = np.array([1.0, 2.0, 0.3])
     shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
     floor = 0.12
-    filmed = rendered_action.FilmedMotion(
+    filmed = FilmedMotion(
         RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))), captured - [0, 0, floor],
         np.eye(3), np.eye(3), np.array([0.0, 0.0, 4.0]), (64, 48), 0.0, floor,
     )  # fmt: skip

@@ -4,19 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.screening.casts import mirrored_performance, occluded
-from benchmarks.screening.measure import SceneRow
-from benchmarks.screening.scenes import ASYMMETRIC, CLIPS, WALKS, are_strangers
-from benchmarks.screening.tables import (
-    clean_treated,
-    genuine_treated,
-    mirrored_flipped,
-    near_symmetric_flipped,
-    strangers_excluded,
-)
+from benchmarks import screening
+from benchmarks.screening_casts import mirrored_performance, occluded
 from imocap_core.synthetic.detector import Detections
 
-GOOD = SceneRow(
+GOOD = screening.SceneRow(
     scene="a", development=True, videos=4, asymmetric=True, clean_excluded=0, clean_flipped=0,
     stranger="v2", stranger_excluded="v2", mirrored="v3", mirrored_flipped="v3",
     mirrored_excluded="-", wrongly_treated=0, near_symmetric_flips=0,
@@ -47,19 +39,23 @@ def test_occlusion_only_takes_detections_away() -> None:
 
 
 def test_strangers_are_mutual_and_of_another_repertoire() -> None:
-    pairs = [(a, b) for a in CLIPS for b in CLIPS if are_strangers(a, b)]
-    assert all(are_strangers(b, a) and a.split("_")[0] != b.split("_")[0] for a, b in pairs)
-    assert not any(a in WALKS and b in WALKS for a, b in pairs)
-    assert {a for a, _ in pairs} == set(CLIPS)
+    pairs = [
+        (a, b) for a in screening.CLIPS for b in screening.CLIPS if screening.are_strangers(a, b)
+    ]
+    assert all(
+        screening.are_strangers(b, a) and a.split("_")[0] != b.split("_")[0] for a, b in pairs
+    )
+    assert not any(a in screening.WALKS and b in screening.WALKS for a, b in pairs)
+    assert {a for a, _ in pairs} == set(screening.CLIPS)
 
 
 def test_counts_are_of_what_was_planted() -> None:
     rows = [GOOD, BAD]
-    assert genuine_treated(rows) == (3, 20)
-    assert clean_treated(rows) == (1, 8)
-    assert strangers_excluded(rows) == (1, 2)
-    assert mirrored_flipped(rows) == (1, 2)
+    assert screening.genuine_treated(rows) == (3, 20)
+    assert screening.clean_treated(rows) == (1, 8)
+    assert screening.strangers_excluded(rows) == (1, 2)
+    assert screening.mirrored_flipped(rows) == (1, 2)
     near = replace(BAD, asymmetric=False, near_symmetric_flips=1)
-    assert mirrored_flipped([near]) == (0, 0)
-    assert near_symmetric_flipped([GOOD, near]) == (1, 12)
-    assert 0.0 < ASYMMETRIC < 1.0
+    assert screening.mirrored_flipped([near]) == (0, 0)
+    assert screening.near_symmetric_flipped([GOOD, near]) == (1, 12)
+    assert 0.0 < screening.ASYMMETRIC < 1.0

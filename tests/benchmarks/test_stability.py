@@ -10,23 +10,8 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from benchmarks import stability, stability_variants
 from benchmarks.parallel import in_process, other_thread_count
-from benchmarks.stability.measure import chosen_actions
-from benchmarks.stability.pair_errors import camera_pair_errors_deg, sync_pair_errors_frames
-from benchmarks.stability.perturbations import (
-    OF_FILES,
-    OF_PIXELS,
-    Perturbation,
-    grey_level_picture,
-    noisy_points,
-    person_size_px,
-    recompressed_picture,
-    shifted_picture,
-    shifted_points,
-)
-from benchmarks.stability.sources import ACTIONS, perturbations_of
-from benchmarks.stability.tables import VariantScore, movement
-from benchmarks.stability.variants import frame_range, make_variant
 from imocap_core.artifacts.schemas import Camera, Keypoints, SyncMap, SyncSummary, VideoKeypoints
 from imocap_core.errors import WrongUse
 from imocap_core.io.readers.json_people import read_openpose
@@ -34,8 +19,8 @@ from imocap_core.io.truth import Truth, VideoTruth, read_truth
 from imocap_core.io.video import probe, write_h264
 
 FRAMES, SIZE = 6, (64, 48)
-PERTURBATIONS = {p.name: p for p in OF_FILES}
-PICTURES = {p.name: p for p in OF_PIXELS}
+PERTURBATIONS = {p.name: p for p in stability_variants.OF_FILES}
+PICTURES = {p.name: p for p in stability_variants.OF_PIXELS}
 
 
 def points(rng: np.random.Generator, people: int = 1) -> np.ndarray:
@@ -72,9 +57,11 @@ def action(tmp_path: Path) -> Path:
     return folder
 
 
-def variant(source: Path, perturbation: Perturbation, *, detected: bool = False) -> Path:
+def variant(
+    source: Path, perturbation: stability_variants.Perturbation, *, detected: bool = False
+) -> Path:
     folder = source.parent / f"tiny-{perturbation.name}"
-    make_variant(folder, source, perturbation, detected)
+    stability_variants.make_variant(folder, source, perturbation, detected)
     return folder
 
 
@@ -88,7 +75,7 @@ def detections(folder: Path, video: str) -> np.ndarray:
 
 def test_a_shift_is_exact_and_leaves_missing_points_alone() -> None:
     before = points(np.random.default_rng(1), 3)
-    after = shifted_points(before, 100.0, np.random.default_rng(0))
+    after = stability_variants.shifted_points(before, 100.0, np.random.default_rng(0))
     moved = before[..., 2] > 0
     np.testing.assert_array_equal(after[moved], before[moved] + [1.0, 1.0, 0.0])
     np.testing.assert_array_equal(after[~moved], before[~moved])
@@ -96,7 +83,9 @@ def test_a_shift_is_exact_and_leaves_missing_points_alone() -> None:
 
 def test_noise_is_one_per_cent_of_the_person_and_seeded() -> None:
     before = np.tile(points(np.random.default_rng(1)), (2000, 1, 1))
-    once, again = (noisy_points(before, 300.0, np.random.default_rng(5)) for _ in range(2))
+    once, again = (
+        stability_variants.noisy_points(before, 300.0, np.random.default_rng(5)) for _ in range(2)
+    )
     np.testing.assert_array_equal(once, again)
     moved = before[..., 2] > 0
     offset = (once - before)[moved]
@@ -109,13 +98,13 @@ def test_noise_is_one_per_cent_of_the_person_and_seeded() -> None:
 def test_the_size_of_a_person_is_that_of_the_largest_without_missing_points() -> None:
     small = np.array([[10.0, 10, 1], [14, 20, 1], [500, 500, 0]])
     large = np.array([[10.0, 10, 1], [40, 20, 1], [10, 10, 0]])
-    assert person_size_px([small, large]) == 30.0
-    assert np.isnan(person_size_px([]))
+    assert stability_variants.person_size_px([small, large]) == 30.0
+    assert np.isnan(stability_variants.person_size_px([]))
 
 
 def test_grey_levels_move_by_one_and_stay_in_range() -> None:
     picture = np.random.default_rng(0).integers(0, 256, (20, 30, 3)).astype(np.uint8)
-    after = grey_level_picture(picture, np.random.default_rng(1)).astype(int)
+    after = stability_variants.grey_level_picture(picture, np.random.default_rng(1)).astype(int)
     difference = after - picture
     assert set(np.unique(difference)) == {-1, 0, 1}  # 0 where black or white is at its end
     np.testing.assert_array_equal(np.abs(difference)[(picture > 0) & (picture < 255)], 1)
@@ -123,7 +112,7 @@ def test_grey_levels_move_by_one_and_stay_in_range() -> None:
 
 def test_a_shifted_picture_has_every_pixel_one_further() -> None:
     picture = np.random.default_rng(0).integers(0, 256, (20, 30, 3)).astype(np.uint8)
-    after = shifted_picture(picture, np.random.default_rng(1))
+    after = stability_variants.shifted_picture(picture, np.random.default_rng(1))
     assert after.shape == picture.shape
     np.testing.assert_array_equal(after[1:, 1:], picture[:-1, :-1])
 
@@ -131,7 +120,7 @@ def test_a_shifted_picture_has_every_pixel_one_further() -> None:
 def test_jpeg_keeps_the_order_of_colours() -> None:
     picture = np.zeros((16, 16, 3), np.uint8)
     picture[..., 0] = 200
-    after = recompressed_picture(picture, np.random.default_rng(0)).astype(int)
+    after = stability_variants.recompressed_picture(picture, np.random.default_rng(0)).astype(int)
     assert np.abs(after - picture).max() <= 8
 
 
@@ -148,7 +137,10 @@ def test_dropping_a_frame_keeps_phases(action: Path) -> None:
         before, after = (
             read_truth(
                 place / "truth.npz",
-                {v["id"]: np.arange(*frame_range(place, v)) for v in declared_videos(place)},
+                {
+                    v["id"]: np.arange(*stability_variants.frame_range(place, v))
+                    for v in declared_videos(place)
+                },
             )
             for place in (action, folder)
         )
@@ -161,7 +153,7 @@ def test_reversing_the_order_twice_is_the_identity(action: Path) -> None:
     once = variant(action, PERTURBATIONS["order"])
     assert [v["id"] for v in declared_videos(once)] == ["v2", "v1"]
     twice = once.parent / "twice"
-    make_variant(twice, once, PERTURBATIONS["order"], False)
+    stability_variants.make_variant(twice, once, PERTURBATIONS["order"], False)
     assert declared_videos(twice) == declared_videos(action)
 
 
@@ -194,13 +186,17 @@ def test_a_variant_is_made_once_and_again_when_the_action_changes(action: Path) 
     assert folder.stat().st_ino != made
 
 
-def result(mm: float, camera: float = 2.0, frames: float = 0.5, **more: Any) -> VariantScore:
+def result(
+    mm: float, camera: float = 2.0, frames: float = 0.5, **more: Any
+) -> stability.VariantScore:
     metrics = ("mpjpe_mm", "camera_pair_error_deg", "sync_pair_error_frames")
-    return VariantScore("p", dict(zip(metrics, (mm, camera, frames), strict=True)), "v1", **more)
+    return stability.VariantScore(
+        "p", dict(zip(metrics, (mm, camera, frames), strict=True)), "v1", **more
+    )
 
 
 def test_the_worst_is_held_against_the_median() -> None:
-    moved = movement([result(50.0), result(40.0, camera=3.5), result(60.0, frames=0.4)])
+    moved = stability.movement([result(50.0), result(40.0, camera=3.5), result(60.0, frames=0.4)])
     assert (moved.undisturbed_mm, moved.median_mm, moved.worst_mm) == (50.0, 50.0, 60.0)
     assert moved.worst_pct == pytest.approx(20.0)
     assert moved.camera_deg == pytest.approx(1.5)
@@ -209,25 +205,27 @@ def test_the_worst_is_held_against_the_median() -> None:
 
 
 def test_failed_and_unscored_runs_are_not_stable() -> None:
-    failed = VariantScore("p", {}, fault="stage sync failed")
-    assert movement([result(50.0), result(50.0), failed]).broken_limits == ["a run failed"]
-    unscored = VariantScore("p", {"mpjpe_mm": 50.0, "sync_pair_error_frames": 0.5})
-    assert movement([result(50.0), unscored]).broken_limits == ["cameras"]
+    failed = stability.VariantScore("p", {}, fault="stage sync failed")
+    assert stability.movement([result(50.0), result(50.0), failed]).broken_limits == [
+        "a run failed"
+    ]
+    unscored = stability.VariantScore("p", {"mpjpe_mm": 50.0, "sync_pair_error_frames": 0.5})
+    assert stability.movement([result(50.0), unscored]).broken_limits == ["cameras"]
 
 
 def test_other_excluded_videos_are_counted() -> None:
     scores = [result(50.0), result(50.0, excluded=("v2",)), result(50.0, mirrored=("v3",))]
-    assert movement(scores).screening_differs == 2
+    assert stability.movement(scores).screening_differs == 2
 
 
 def test_every_action_begins_undisturbed_and_meets_each_perturbation_once() -> None:
-    for name in ACTIONS:
-        names = [p.name for p in perturbations_of(name)]
+    for name in stability.ACTIONS:
+        names = [p.name for p in stability.perturbations_of(name)]
         assert names[0] == "undisturbed"
         assert len(set(names)) == len(names)
-    assert chosen_actions(("yoga",)) == ["yoga"]
+    assert stability.chosen_actions(("yoga",)) == ["yoga"]
     with pytest.raises(WrongUse, match="--only nothing"):
-        chosen_actions(("nothing",))
+        stability.chosen_actions(("nothing",))
 
 
 def test_a_process_of_its_own_has_the_other_number_of_threads() -> None:
@@ -294,12 +292,14 @@ def random_turns(seed: int) -> dict[str, Rotation]:
 @pytest.mark.parametrize("reference", list(OFFSETS))
 def test_sync_errors_of_pairs_do_not_depend_on_the_reference(reference: str) -> None:
     errors = {"v1": 0.0, "v2": 0.4, "v3": -0.2}
-    pairs = sync_pair_errors_frames(list(OFFSETS), sync(reference, errors), keypoints(), truth())
+    pairs = stability.sync_pair_errors_frames(
+        list(OFFSETS), sync(reference, errors), keypoints(), truth()
+    )
     assert sorted(pairs) == pytest.approx([0.2, 0.2, 0.4, 0.4, 0.6, 0.6])
     exact = sync(reference, dict.fromkeys(OFFSETS, 0.0))
-    assert sync_pair_errors_frames(list(OFFSETS), exact, keypoints(), truth()) == pytest.approx(
-        [0.0] * 6
-    )
+    assert stability.sync_pair_errors_frames(
+        list(OFFSETS), exact, keypoints(), truth()
+    ) == pytest.approx([0.0] * 6)
 
 
 def test_camera_errors_of_pairs_do_not_depend_on_the_world() -> None:
@@ -309,5 +309,5 @@ def test_camera_errors_of_pairs_do_not_depend_on_the_world() -> None:
     turned = {name: turn * world for name, turn in wrong.items()}
     expected = np.degrees([0.1, 0.0, 0.1])  # of v1 and v2, v1 and v3, v2 and v3
     for estimate in (wrong, turned):
-        pairs = camera_pair_errors_deg(cameras(estimate), truth(true))
+        pairs = stability.camera_pair_errors_deg(cameras(estimate), truth(true))
         np.testing.assert_allclose(pairs, expected, atol=1e-6)

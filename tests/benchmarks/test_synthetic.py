@@ -7,31 +7,34 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.synthetic.arm_twist import ELEVATION_DEG, TWIST_DEG, natural_arm
+from benchmarks.synthetic import retargeting
 from benchmarks.synthetic.captured import (
     CAMERA_PLACEMENTS,
     COCO18,
     JOINT_INDEX,
+    align_trials,
+    base_frames,
     coco18_points,
+    correspondence,
     hip_middle,
     place_camera,
+    sample_frames,
     to_scene,
 )
-from benchmarks.synthetic.captured_rotations import rotations_between, trunk_bone_rotations
-from benchmarks.synthetic.captured_stance import (
+from benchmarks.synthetic.captured_skeleton import (
+    ELEVATION_DEG,
+    TWIST_DEG,
     CapturedSkeleton,
     NeutralStance,
     angles_rad,
     captured_skeleton,
+    natural_arm,
     neutral_stance,
+    rotations_between,
     standing_frames,
+    trunk_bone_rotations,
 )
-from benchmarks.synthetic.detector_presets import DETECTORS, detect_person
-from benchmarks.synthetic.estimator import TREE, EstimatorErrors, estimate
-from benchmarks.synthetic.frame_sampling import base_frames, sample_frames
-from benchmarks.synthetic.performers import BONES, limb_lengths_m, perform, shape_of_limbs
-from benchmarks.synthetic.retargeting import SPINE_SHARES, fit_to_trunk_and_joints, trunk_and_joints
-from benchmarks.synthetic.trials import align_trials, correspondence
+from benchmarks.synthetic.simulated import DETECTORS, TREE, EstimatorErrors, detect_person, estimate
 from imocap_core.body import load_free_body
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
@@ -48,10 +51,15 @@ def test_a_shape_has_the_limbs_that_were_asked_for() -> None:
     betas = torch.zeros(10, dtype=torch.float64)
     betas[0], betas[1] = -1.0, 0.8
     rest = model.shape(betas).joints_rest
-    place = {name: rest[SMPL_JOINTS.index(f"left_{name}")] for name in (*BONES, *BONES.values())}
-    lengths = {far: float((place[far] - place[near]).norm()) for far, near in BONES.items()}
-    shaped = model.shape(shape_of_limbs(model, lengths)).joints_rest
-    for far, near in BONES.items():
+    place = {
+        name: rest[SMPL_JOINTS.index(f"left_{name}")]
+        for name in (*retargeting.BONES, *retargeting.BONES.values())
+    }
+    lengths = {
+        far: float((place[far] - place[near]).norm()) for far, near in retargeting.BONES.items()
+    }
+    shaped = model.shape(retargeting.shape_of_limbs(model, lengths)).joints_rest
+    for far, near in retargeting.BONES.items():
         ends = [shaped[SMPL_JOINTS.index(f"left_{name}")] for name in (far, near)]
         assert abs(float((ends[0] - ends[1]).norm()) - lengths[far]) < 0.003, far
 
@@ -60,9 +68,9 @@ def test_a_performance_is_taken_over() -> None:
     stance, skeleton = stance_and_skeleton()
     thetas = [performed(6), performed(7)[:25]]
     clips = [captured(theta) for theta in thetas]
-    betas, motions = perform(load_free_body(), skeleton, stance, clips)
+    betas, motions = retargeting.perform(load_free_body(), skeleton, stance, clips)
     assert np.abs(betas).max() < 0.3  # the skeleton was made of the mean body
-    assert set(limb_lengths_m(skeleton, clips)) == set(BONES)
+    assert set(retargeting.limb_lengths_m(skeleton, clips)) == set(retargeting.BONES)
     for theta, motion in zip(thetas, motions, strict=True):
         assert motion.R_local.shape == (len(theta), 24, 3, 3)
         R = exp(torch.as_tensor(theta)).numpy()
@@ -326,7 +334,7 @@ def performed(seed: int, size: float = 0.4) -> np.ndarray:
     index = SMPL_JOINTS.index
     theta[:, index("left_shoulder"), 2], theta[:, index("right_shoulder"), 2] = -1.2, 1.2
     spine = size * rng.normal(size=3) * np.sin(3 * t)
-    for joint, share in zip(("spine1", "spine2", "spine3"), SPINE_SHARES, strict=True):
+    for joint, share in zip(("spine1", "spine2", "spine3"), retargeting.SPINE_SHARES, strict=True):
         theta[:, index(joint)] = spine * share
     for name in ("left_hip", "right_hip", "left_shoulder", "right_shoulder"):
         theta[:, index(name)] += size * rng.normal(size=3) * np.sin(2 * t + rng.uniform())
@@ -365,7 +373,7 @@ def test_the_trunk_turns_as_the_captured_one() -> None:
     stance, skeleton = stance_and_skeleton()
     theta = performed(3)
     shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
-    result = trunk_and_joints(shaped, skeleton, stance, captured(theta))
+    result = retargeting.trunk_and_joints(shaped, skeleton, stance, captured(theta))
     R_true = exp(torch.as_tensor(theta)).numpy()
     np.testing.assert_allclose(result.R_local[:, 0], WORLD_FROM_BODY @ R_true[:, 0], atol=1e-6)
     spine = [SMPL_JOINTS.index(f"spine{k}") for k in (1, 2, 3)]
@@ -383,8 +391,8 @@ def test_limbs_point_where_the_captured_ones_do(seed: int) -> None:
     model = load_free_body()
     betas = torch.zeros(10, dtype=torch.float64)
     xyz = captured(performed(seed))
-    wanted = trunk_and_joints(model.shape(betas), skeleton, stance, xyz)
-    state = fit_to_trunk_and_joints(Body.of(model, "smpl24"), [wanted], betas)
+    wanted = retargeting.trunk_and_joints(model.shape(betas), skeleton, stance, xyz)
+    state = retargeting.fit_to_trunk_and_joints(Body.of(model, "smpl24"), [wanted], betas)
     joints = model.shape(betas).pose(state.R_local[0], state.trans[0]).joints.numpy()
     for side, c in (("left", "l"), ("right", "r")):
         for near, far, a, b in (("hip", "knee", "Thigh", "Shin"), ("knee", "ankle", "Shin", "Foot"),
@@ -409,8 +417,8 @@ def test_a_bent_elbow_turns_the_upper_arm_and_bends_about_its_hinge() -> None:
     turned = exp(torch.tensor([[0.0, 0.0, -0.4], [-0.9, 0.0, 0.0]], dtype=torch.float64))
     theta[:, arm] = log(turned[0] @ turned[1]).numpy()
     theta[:, elbow, 1] = -1.2
-    wanted = trunk_and_joints(model.shape(betas), skeleton, stance, captured(theta))
-    state = fit_to_trunk_and_joints(Body.of(model, "smpl24"), [wanted], betas)
+    wanted = retargeting.trunk_and_joints(model.shape(betas), skeleton, stance, captured(theta))
+    state = retargeting.fit_to_trunk_and_joints(Body.of(model, "smpl24"), [wanted], betas)
     fitted = state.axis_angle[0, FRAMES // 2].numpy()
     assert abs(fitted[elbow, 2]) < 0.15  # sideways
     np.testing.assert_allclose(fitted[elbow, 1], -1.2, atol=0.15)
@@ -436,7 +444,10 @@ def test_a_straightened_forearm_takes_its_hand_along() -> None:
     stance = neutral_stance(skeleton, [xyz])
     assert stance.bend_rad["wrist"] > 0.2
     shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
-    wanted, rest = trunk_and_joints(shaped, skeleton, stance, xyz).joints, shaped.joints_rest
+    wanted, rest = (
+        retargeting.trunk_and_joints(shaped, skeleton, stance, xyz).joints,
+        shaped.joints_rest,
+    )
     for side in ("left", "right"):
         elbow, wrist, hand = (SMPL_JOINTS.index(f"{side}_{n}") for n in ("elbow", "wrist", "hand"))
         forearm, palm = wanted[:, wrist] - wanted[:, elbow], wanted[:, hand] - wanted[:, wrist]
@@ -450,7 +461,9 @@ def test_turning_the_world_turns_the_root_alone() -> None:
     shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
     xyz = captured(performed(5))
     turn = exp(torch.tensor([0.0, 0.0, 1.1], dtype=torch.float64)).numpy()
-    straight, turned = (trunk_and_joints(shaped, skeleton, stance, x) for x in (xyz, xyz @ turn.T))
+    straight, turned = (
+        retargeting.trunk_and_joints(shaped, skeleton, stance, x) for x in (xyz, xyz @ turn.T)
+    )
     np.testing.assert_allclose(turned.R_local[:, 1:], straight.R_local[:, 1:], atol=1e-6)
     np.testing.assert_allclose(turned.R_local[:, 0], turn @ straight.R_local[:, 0], atol=1e-6)
     np.testing.assert_allclose(turned.joints, straight.joints @ turn.T, atol=1e-6)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.ablations.tcc_sync import tcc_sync
-from benchmarks.tcc import POSES, align_by_tcc, cycle_back_regression, pose_clip
-from benchmarks.tcc.loss import LEAST_VARIANCE
+from benchmarks.ablation_variants import tcc_sync
+from benchmarks.tcc import LEAST_VARIANCE, POSES, align_by_tcc, cycle_back_regression, pose_clip
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from tests.made_keypoints import made_keypoints
 

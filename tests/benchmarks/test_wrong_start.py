@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.actions.choice import Choice
-from benchmarks.rendered.names import is_rendered, trial_of
-from benchmarks.wrong_start.measure import is_recovered, names_of
-from benchmarks.wrong_start.wrong_fit import depth_reversed, facing_reversed
+from benchmarks.actions.captured_videos import Choice
+from benchmarks.rendered_action import is_rendered, trial_of
+from benchmarks.wrong_start import is_recovered, names_of
+from benchmarks.wrong_start_cases import depth_reversed, facing_reversed
 from imocap_core.artifacts.schemas import VideoMotion
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices

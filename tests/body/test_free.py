@@ -4,16 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from imocap_core import conventions
 from imocap_core.body import Model, layout_names, layouts, load_free_body
 from imocap_core.body.layouts import body_layout
-from imocap_core.conventions import (
-    SMPL_JOINTS,
-    SMPL_PARENTS,
-    SMPLH_JOINTS,
-    SMPLH_PARENTS,
-    left_right_pairs,
-    mirror_indices,
-)
 
 COUNTS = {
     "body25": 25,
@@ -54,8 +47,8 @@ def at_rest(model: Model, layout: str) -> dict[str, np.ndarray]:
 
 def test_trees_are_smpls() -> None:
     plain, full = load_free_body(), load_free_body(hands=True)
-    assert (plain.joint_names, plain.parents) == (SMPL_JOINTS, SMPL_PARENTS)
-    assert (full.joint_names, full.parents) == (SMPLH_JOINTS, SMPLH_PARENTS)
+    assert (plain.joint_names, plain.parents) == (conventions.SMPL_JOINTS, conventions.SMPL_PARENTS)
+    assert (full.joint_names, full.parents) == (conventions.SMPLH_JOINTS, conventions.SMPLH_PARENTS)
     assert plain.digest != full.digest
     assert torch.equal(plain.v_template, full.v_template)
 
@@ -76,7 +69,7 @@ def test_neutral_body_is_an_adult_of_1_70_m(body: Model) -> None:
     assert 1.66 < stature < 1.74
     joints = body.joints_template.numpy()
     np.testing.assert_allclose(joints[0], 0, atol=1e-6)
-    mirrored = joints[list(mirror_indices(body.joint_names))] * [-1, 1, 1]
+    mirrored = joints[list(conventions.mirror_indices(body.joint_names))] * [-1, 1, 1]
     np.testing.assert_allclose(joints, mirrored, atol=0.004)
 
 
@@ -108,7 +101,7 @@ def test_layouts_are_complete_and_left_is_left(body: Model, layout: str) -> None
     assert points.names == tuple(names[c] for c in points.columns)
     assert len(points.names) == COUNTS[layout] - (68 if COUNTS[layout] > 100 else 0)
     placed = np.array(list(at_rest(body, layout).values()))
-    for left, right in left_right_pairs(points.names):
+    for left, right in conventions.left_right_pairs(points.names):
         assert placed[left, 0] > 0.005
         np.testing.assert_allclose(placed[left], placed[right] * [-1, 1, 1], atol=0.006)
 

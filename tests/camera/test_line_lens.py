@@ -7,15 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.camera.line_lens import (
-    KeptPictures,
-    LineLens,
-    StillBackground,
-    centred_lens,
-    edge_chains,
-    lens_from_lines,
-    still_background,
-)
+from imocap_core.camera import line_lens
 from imocap_core.camera.projection import intrinsics
 
 SIZE = (480, 270)
@@ -52,11 +44,11 @@ def estimated(distortion, seed=0, scene=wall):
     rng = np.random.default_rng(seed)
     shown = scene(rng)
     grid = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1).astype(float)
-    source = centred_lens(distortion, SIZE).undistorted(grid) + 0.5 * np.array(SIZE)
+    source = line_lens.centred_lens(distortion, SIZE).undistorted(grid) + 0.5 * np.array(SIZE)
     smooth = cv2.GaussianBlur(shown, (0, 0), 0.8).astype(np.float32)
     picture = cv2.remap(smooth, *source.astype(np.float32).transpose(2, 0, 1), cv2.INTER_LINEAR)
     noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
-    return lens_from_lines(StillBackground(noisy, np.ones(noisy.shape, bool)))
+    return line_lens.lens_from_lines(line_lens.StillBackground(noisy, np.ones(noisy.shape, bool)))
 
 
 @pytest.mark.parametrize(("distortion", "certain"), [(-0.12, True), (-0.06, True), (0.07, False)])
@@ -95,14 +87,14 @@ def test_round_things_say_nothing(seed):
     ],
 )
 def test_what_makes_it_certain(changed, certain):
-    estimate = LineLens(distortion=-0.08, sd=0.01, gain=0.3, parts=5, against=0.02)
+    estimate = line_lens.LineLens(distortion=-0.08, sd=0.01, gain=0.3, parts=5, against=0.02)
     assert replace(estimate, **changed).certain is certain
 
 
 def test_an_edge_is_found_to_a_fraction_of_a_pixel():
     x = np.arange(120)[None] - 0.1 * np.arange(90)[:, None]
     picture = (60 + 140 / (1 + np.exp(-(x - 50.3) / 0.7))).astype(np.uint8)
-    (chain,) = edge_chains(picture, np.ones(picture.shape, bool), 30)
+    (chain,) = line_lens.edge_chains(picture, np.ones(picture.shape, bool), 30)
     off = chain[:, 0] - 0.1 * chain[:, 1] - 50.3
     assert len(chain) >= 80
     assert np.abs(off).max() < 0.25
@@ -112,22 +104,22 @@ def test_edges_are_split_at_corners_and_left_out_where_nothing_is_known():
     picture = np.full((100, 140), 40, np.uint8)
     picture[20:80, 30:110] = 200
     known = np.ones(picture.shape, bool)
-    assert len(edge_chains(picture, known, 30)) == 4
+    assert len(line_lens.edge_chains(picture, known, 30)) == 4
     known[:, :60] = False
-    assert len(edge_chains(picture, known, 30)) == 3
+    assert len(line_lens.edge_chains(picture, known, 30)) == 3
 
 
 def test_the_person_is_not_in_the_still_picture():
     frames, shape = 40, (60, 100)
     boxes = np.array([[2.0 * t, 10, 2 * t + 10, 50] for t in range(frames)])
-    sampled = KeptPictures(frames, {})
+    sampled = line_lens.KeptPictures(frames, {})
     for t, _ in enumerate(sampled.passing(person_at(t, shape) for t in range(frames))):
         assert len(sampled.by_frame) <= t + 1
     assert len(sampled.by_frame) < frames
-    still = still_background(sampled, boxes)
+    still = line_lens.still_background(sampled, boxes)
     assert still.is_background.all()
     assert (still.picture == 90).all()
-    standing = still_background(sampled, np.tile([20.0, 10, 40, 50], (frames, 1)))
+    standing = line_lens.still_background(sampled, np.tile([20.0, 10, 40, 50], (frames, 1)))
     assert not standing.is_background[30, 30]
     assert standing.is_background[30, 80]
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.synthetic.furniture import furniture
-from benchmarks.synthetic.walking_cameras import CameraWalk, walk_camera
+from benchmarks.synthetic.films import furniture
+from benchmarks.synthetic.moving_yoga import CameraWalk, walk_camera
 from imocap_core.camera.background import FeatureTracks, track_features
 from imocap_core.camera.parallax import gric, parallax_test
 from imocap_core.synthetic.cameras import CameraPlacement

@@ -3,20 +3,8 @@
 import numpy as np
 import pytest
 
+from imocap_core.collect import matching
 from imocap_core.collect.films import ShotTrack
-from imocap_core.collect.matching import (
-    MIRROR_MARGIN,
-    RATES,
-    Match,
-    Template,
-    TrackSamples,
-    matches_in,
-    part_of,
-    pooled,
-    samples_of,
-    score_threshold,
-    template_of,
-)
 from imocap_core.collect.movement import dominant_template
 from imocap_core.params import CollectParams
 from tests.collect.made_tracks import FPS, movement, track
@@ -26,18 +14,20 @@ SOUGHT, OTHERS = movement(1), [movement(seed) for seed in (2, 3, 4)]
 POOL = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
 
 
-def pool_of(tracks: list[ShotTrack]) -> TrackSamples:
-    return pooled([samples_of(t, 1.0) for t in tracks])
+def pool_of(tracks: list[ShotTrack]) -> matching.TrackSamples:
+    return matching.pooled([matching.samples_of(t, 1.0) for t in tracks])
 
 
-def template() -> Template:
-    samples = samples_of(POOL[0], 1.0)
+def template() -> matching.Template:
+    samples = matching.samples_of(POOL[0], 1.0)
     inside = (samples.frame >= 0.5 * FPS) & (samples.frame < 2.5 * FPS)
-    return template_of(part_of(samples, inside), pool_of(POOL))
+    return matching.template_of(matching.part_of(samples, inside), pool_of(POOL))
 
 
-def found(of: ShotTrack) -> list[Match]:
-    matches = matches_in(0, of, [samples_of(of, rate) for rate in RATES], template())
+def found(of: ShotTrack) -> list[matching.Match]:
+    matches = matching.matches_in(
+        0, of, [matching.samples_of(of, rate) for rate in matching.RATES], template()
+    )
     return [match for match in matches if match.score >= PARAMS.certain_score]
 
 
@@ -55,7 +45,7 @@ def test_the_view_and_the_speed_do_not_matter(rate: float, azimuth_deg: float) -
 def test_a_mirrored_shot_is_recognised() -> None:
     (match,) = found(track(SOUGHT, shot=8, mirrored=True, azimuth_deg=40))
     assert match.mirrored
-    assert match.mirror_margin > MIRROR_MARGIN
+    assert match.mirror_margin > matching.MIRROR_MARGIN
 
 
 @pytest.mark.parametrize("other", [0, 1, 2])
@@ -79,29 +69,29 @@ def test_a_movement_twice_in_a_shot_is_found_twice() -> None:
 def test_what_is_repeated_most_is_the_dominant_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
     tracks += [track(SOUGHT, shot=10 + k, azimuth_deg=80.0 * k) for k in range(4)]
-    samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
+    samples = [[matching.samples_of(t, rate) for rate in matching.RATES] for t in tracks]
     best = dominant_template(samples, pool_of(tracks), lambda a, b: False)
     assert best[1] >= len(OTHERS)
 
 
 def test_where_nothing_is_repeated_there_is_no_dominant_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
-    samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
+    samples = [[matching.samples_of(t, rate) for rate in matching.RATES] for t in tracks]
     assert dominant_template(samples, pool_of(tracks), lambda a, b: False) is None
 
 
 def test_replays_of_one_take_alone_are_no_repeated_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
     tracks.append(track(SOUGHT, shot=9))
-    samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
+    samples = [[matching.samples_of(t, rate) for rate in matching.RATES] for t in tracks]
     same = {(0, 4), (4, 0)}
     assert dominant_template(samples, pool_of(tracks), lambda a, b: (a, b) in same) is None
 
 
 def test_an_occurrence_exceeds_what_everybody_else_is_like() -> None:
     others = [0.30, 0.32, 0.34, 0.36, 0.38, 0.31, 0.33, 0.35]
-    assert 0.38 < score_threshold([*others, 0.6, 0.65], PARAMS) < 0.6
-    assert score_threshold([0.0] * 10, PARAMS) == PARAMS.least_score
-    assert score_threshold([0.9] * 10, PARAMS) == PARAMS.certain_score
-    few = score_threshold([0.1, 0.9], PARAMS)
+    assert 0.38 < matching.score_threshold([*others, 0.6, 0.65], PARAMS) < 0.6
+    assert matching.score_threshold([0.0] * 10, PARAMS) == PARAMS.least_score
+    assert matching.score_threshold([0.9] * 10, PARAMS) == PARAMS.certain_score
+    few = matching.score_threshold([0.1, 0.9], PARAMS)
     assert PARAMS.least_score < few < PARAMS.certain_score

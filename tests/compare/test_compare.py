@@ -11,16 +11,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
-from imocap_core.compare.compare import (
-    compared_moments,
-    describe,
-    pair_angles,
-    pair_of,
-    pair_on_one_axis,
-    performances_of,
-    performers_of,
-    several,
-)
+from imocap_core.compare import compare
 from imocap_core.compare.parts import chance_of, pair_findings
 from imocap_core.compare.technique_report import write_pair, write_technique
 from imocap_core.errors import WorkFailed
@@ -60,7 +51,7 @@ def page_of(file: Path) -> dict[str, Any]:
 
 def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 10.0))
-    found = describe(performances_of(made.result()))
+    found = compare.describe(compare.performances_of(made.result()))
     by_joint = dict(zip(found.instances.joint_names, rms(found.spread_deg), strict=True))
     assert by_joint["left_shoulder"] == pytest.approx(10 / np.sqrt(2), abs=0.2)
     assert max(d for name, d in by_joint.items() if name != "left_shoulder") < 0.5
@@ -71,7 +62,7 @@ def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
 
 def test_what_is_written(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 20.0))
-    found = describe(performances_of(made.result()))
+    found = compare.describe(compare.performances_of(made.result()))
     files = write_technique(made.out, found)
     assert [f.name for f in files] == [*("report.html", "joints.csv", "performances.csv")]
     assert all(f.stat().st_size > 50 for f in files)
@@ -99,9 +90,11 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     videos[0] = videos[0].model_copy(update={"theta": theta})
     motion = lifted.motion.model_copy(update={"videos": videos})
     other.publish("refine_sync", lifted.model_copy(update={"motion": motion}))
-    first = performances_of(made.result())
-    second = performances_of(other.result(), first.shaped)
-    pair = pair_of(describe(first), describe(second), SyncParams(), np.random.default_rng(0))
+    first = compare.performances_of(made.result())
+    second = compare.performances_of(other.result(), first.shaped)
+    pair = compare.pair_of(
+        compare.describe(first), compare.describe(second), SyncParams(), np.random.default_rng(0)
+    )
     assert len(pair.phase_s) > 10
     angle = np.median(pair.difference.angle_deg, axis=0)
     assert angle[16] == pytest.approx(10.0, abs=1.5)
@@ -109,7 +102,7 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     files = write_pair(made.out, pair)
     assert page_of(files[0])["title"] == "walk (1) and walk (2)"
     assert all(f.stat().st_size > 100 for f in files)
-    angles = pair_angles(pair)
+    angles = compare.pair_angles(pair)
     chance = chance_of(angles[0].each, angles[1].each, np.random.default_rng(0))
     found = pair_findings(pair, angles, chance)[0]
     assert found.angle == "left_shoulder_elevation"
@@ -130,10 +123,12 @@ def test_two_performers_of_one_action(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 10.0))
     result = made.result()
     assert result["a"].performer == "Ann"
-    assert performers_of(result) == ["Ann", "Bo"]
-    first, second = (describe(performances_of(result, performer=p)) for p in ("Ann", "Bo"))
+    assert compare.performers_of(result) == ["Ann", "Bo"]
+    first, second = (
+        compare.describe(compare.performances_of(result, performer=p)) for p in ("Ann", "Bo")
+    )
     assert first.instances.ids == ("a",)
-    pair = pair_on_one_axis(first, second)
+    pair = compare.pair_on_one_axis(first, second)
     angle = np.median(pair.difference.angle_deg, axis=0)
     assert angle[16] == pytest.approx(10.0, abs=0.5)
     assert np.delete(angle, 16).max() < 0.5
@@ -142,11 +137,11 @@ def test_two_performers_of_one_action(made: Made) -> None:
 
 
 def test_performers_that_share_no_moment(made: Made) -> None:
-    first = describe(performances_of(made.result()))
+    first = compare.describe(compare.performances_of(made.result()))
     later = replace(first.instances, phase_s=first.instances.phase_s + 100.0)
     second = replace(first, performances=replace(first.performances, instances=later))
     with pytest.raises(WorkFailed, match="share 0 moments of the action"):
-        pair_on_one_axis(first, second)
+        compare.pair_on_one_axis(first, second)
 
 
 def test_differences_in_words() -> None:
@@ -170,18 +165,18 @@ def test_differences_in_words() -> None:
 def test_which_moments_are_compared() -> None:
     inside = np.ones((3, 10), dtype=bool)
     inside[0, :2] = False
-    np.testing.assert_array_equal(compared_moments(inside), inside[0])
+    np.testing.assert_array_equal(compare.compared_moments(inside), inside[0])
     inside[0, :8] = False  # a short one does not cut the others down
-    np.testing.assert_array_equal(compared_moments(inside), np.ones(10, dtype=bool))
+    np.testing.assert_array_equal(compare.compared_moments(inside), np.ones(10, dtype=bool))
 
 
 def test_one_performance_has_no_spread(made: Made) -> None:
     alone = {"a": PHASES["a"], "b": np.full(21, np.nan)}
     made.publish("refine_sync", refined(alone))
-    found = performances_of(made.result())
+    found = compare.performances_of(made.result())
     assert found.left_out == ("b: no place on the common axis",)
     with pytest.raises(WorkFailed, match="walk has one performance, and its spread needs two"):
-        several(found)
-    lonely = describe(found)
+        compare.several(found)
+    lonely = compare.describe(found)
     assert np.isnan(lonely.spread_mm).all()
     assert np.isnan(lonely.consistency)

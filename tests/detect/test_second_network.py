@@ -13,61 +13,36 @@ import torch
 from imocap_core.detect.detection import is_set_up
 from imocap_core.detect.detectors import detector_of
 from imocap_core.detect.environment import python_for
-from imocap_core.detect.workers.blazepose import tfjs
+from imocap_core.detect.workers.blazepose import landmarks, movenet, tfjs
 from imocap_core.detect.workers.blazepose.course import Course
-from imocap_core.detect.workers.blazepose.landmarks import (
-    MARGIN,
-    Crop,
-    Landmarks,
-    Pyramid,
-    detect_landmarks,
-    pixels,
-)
 from imocap_core.detect.workers.blazepose.looks import between
-from imocap_core.detect.workers.blazepose.movenet import (
-    DOUBTFUL,
-    ELSEWHERE,
-    JOINTS,
-    NEAR,
-    POINTS,
-    SECOND_POINTS,
-    SIZE,
-    SOMEBODY_ELSE,
-    TIPS,
-    combined,
-    crop_about,
-    detect_points,
-    is_doubted,
-)
-from tests.detect.made_people import (
-    HEIGHT,
-    blind_person_detector,
-    box_network,
-    landmark_network,
-    picture,
-)
+from tests.detect import made_people
 from tests.detect.test_detection import params
 
 CELLS = 64
 
 
-def standing() -> Landmarks:
+def standing() -> landmarks.Landmarks:
     """A body whose joints lie apart from each other: the limbs of each side in a column."""
-    body = detect_landmarks(
-        Pyramid(picture((200, 200))), Crop(200.0, 200.0, 1.3 * HEIGHT, 0.0), landmark_network
+    body = landmarks.detect_landmarks(
+        landmarks.Pyramid(made_people.picture((200, 200))),
+        landmarks.Crop(200.0, 200.0, 1.3 * made_people.HEIGHT, 0.0),
+        made_people.landmark_network,
     )
     xy = body.xy_px.copy()
-    for k, joint in enumerate(JOINTS):
+    for k, joint in enumerate(movenet.JOINTS):
         xy[joint] = (180 if k < 4 else 220), 160 + 25 * (k % 4)
     return replace(body, xy_px=xy, visibility=np.full(33, 0.8))
 
 
-def told(body: Landmarks, away: np.ndarray | float = 0.0, order: list[int] = JOINTS) -> Landmarks:
+def told(
+    body: landmarks.Landmarks, away: np.ndarray | float = 0.0, order: list[int] = movenet.JOINTS
+) -> landmarks.Landmarks:
     """The body with a second network's points, so many sizes to the right of its own joints
     (`order`: whose are taken for whose)."""
-    points = body.xy_px[POINTS].copy()
-    points[SECOND_POINTS] = body.xy_px[order]
-    points[SECOND_POINTS, 0] += np.asarray(away) * body.next_crop.side / MARGIN
+    points = body.xy_px[movenet.POINTS].copy()
+    points[movenet.SECOND_POINTS] = body.xy_px[order]
+    points[movenet.SECOND_POINTS, 0] += np.asarray(away) * body.next_crop.side / landmarks.MARGIN
     return replace(body, second_xy_px=points)
 
 
@@ -92,76 +67,81 @@ def test_points_are_the_ones_of_the_body_in_the_middle() -> None:
     random = np.random.default_rng(1)
     middle = 0.5 + random.uniform(-0.2, 0.2, (17, 2))
     aside = np.array([0.2, 0.25]) + random.uniform(-0.1, 0.1, (17, 2))
-    crop = Crop(300.0, 200.0, 150.0, 0.7)
+    crop = landmarks.Crop(300.0, 200.0, 150.0, 0.7)
     given: list[np.ndarray] = []
 
     def network(made: np.ndarray) -> list[np.ndarray]:
         given.append(made)
         return centernet((middle, 2.0), (aside, 2.5))
 
-    there = Pyramid(picture((300, 200)))
-    points = detect_points(there, crop, network)
+    there = landmarks.Pyramid(made_people.picture((300, 200)))
+    points = movenet.detect_points(there, crop, network)
     assert np.abs(points - crop.in_picture(middle)).max() < 1e-3
-    assert np.allclose(given[0], pixels(there, crop, SIZE) / 127.5 - 1, atol=1e-6)
+    assert np.allclose(given[0], landmarks.pixels(there, crop, movenet.SIZE) / 127.5 - 1, atol=1e-6)
 
 
 def test_the_second_network_is_given_an_upright_body() -> None:
     body = standing()
-    crop = crop_about(body)
+    crop = movenet.crop_about(body)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     lying = replace(body, xy_px=(body.xy_px - 200) @ turn.T + 200)
-    assert math.isclose(crop_about(lying).angle, crop.angle + math.pi / 2, abs_tol=1e-9)
-    assert math.isclose(crop_about(lying).side, crop.side)
+    assert math.isclose(movenet.crop_about(lying).angle, crop.angle + math.pi / 2, abs_tol=1e-9)
+    assert math.isclose(movenet.crop_about(lying).side, crop.side)
     for made in (body, lying):
-        crop = crop_about(made)
-        inside = np.linalg.solve(crop.axes, (made.xy_px[POINTS] - (crop.x, crop.y)).T).T + 0.5
+        crop = movenet.crop_about(made)
+        inside = (
+            np.linalg.solve(crop.axes, (made.xy_px[movenet.POINTS] - (crop.x, crop.y)).T).T + 0.5
+        )
         assert inside.min() > 0
         assert inside.max() < 1
-        assert math.isclose(np.ptp(inside, axis=0).max(), 1 / MARGIN)
+        assert math.isclose(np.ptp(inside, axis=0).max(), 1 / landmarks.MARGIN)
 
 
 def test_where_both_agree_limbs_are_their_mean() -> None:
     body = standing()
-    both = combined(told(body, 0.01))
-    moved = (both.xy_px - body.xy_px)[:, 0] / (body.next_crop.side / MARGIN)
-    assert np.allclose(moved[JOINTS], 0.005, rtol=0.01)
-    assert np.allclose(np.delete(moved, JOINTS), 0)
+    both = movenet.combined(told(body, 0.01))
+    moved = (both.xy_px - body.xy_px)[:, 0] / (body.next_crop.side / landmarks.MARGIN)
+    assert np.allclose(moved[movenet.JOINTS], 0.005, rtol=0.01)
+    assert np.allclose(np.delete(moved, movenet.JOINTS), 0)
     assert np.allclose(both.visibility, body.visibility, rtol=0.02)
 
 
 def test_where_they_do_not_agree_a_joint_counts_for_less() -> None:
     body, away = standing(), np.zeros(8)
-    away[1] = 2 * DOUBTFUL  # a wrist
-    both = combined(told(body, away))
-    wrist = JOINTS[1]
-    assert np.linalg.norm(both.xy_px - body.xy_px, axis=1).max() < NEAR * body.next_crop.side / 50
+    away[1] = 2 * movenet.DOUBTFUL  # a wrist
+    both = movenet.combined(told(body, away))
+    wrist = movenet.JOINTS[1]
+    assert (
+        np.linalg.norm(both.xy_px - body.xy_px, axis=1).max()
+        < movenet.NEAR * body.next_crop.side / 50
+    )
     lowered = both.visibility < body.visibility
-    assert set(np.flatnonzero(lowered)) == {wrist, *TIPS[wrist]}
+    assert set(np.flatnonzero(lowered)) == {wrist, *movenet.TIPS[wrist]}
     assert np.allclose(both.visibility[lowered], 0.8 / 5)
 
 
 def test_sides_exchanged_by_the_second_network_are_not_its_disagreement() -> None:
     """Which side is which is judged later: arms exchanged, legs not."""
     body = standing()
-    exchanged = [JOINTS[k] for k in (4, 5, 2, 3, 0, 1, 6, 7)]
-    both = combined(told(body, order=exchanged))
+    exchanged = [movenet.JOINTS[k] for k in (4, 5, 2, 3, 0, 1, 6, 7)]
+    both = movenet.combined(told(body, order=exchanged))
     assert np.allclose(both.xy_px, body.xy_px)
     assert np.allclose(both.visibility, body.visibility)
 
 
 def test_a_second_network_that_looks_at_somebody_else_is_not_heard() -> None:
     body = standing()
-    assert combined(told(body, 1.5 * SOMEBODY_ELSE)).xy_px is body.xy_px
-    assert combined(body) is body
+    assert movenet.combined(told(body, 1.5 * movenet.SOMEBODY_ELSE)).xy_px is body.xy_px
+    assert movenet.combined(body) is body
 
 
 def test_a_body_is_doubted_until_both_agree() -> None:
     body = standing()
-    assert is_doubted(body)
-    assert not is_doubted(told(body, 0.5 * ELSEWHERE))
-    assert is_doubted(told(body, 1.5 * ELSEWHERE))
+    assert movenet.is_doubted(body)
+    assert not movenet.is_doubted(told(body, 0.5 * movenet.ELSEWHERE))
+    assert movenet.is_doubted(told(body, 1.5 * movenet.ELSEWHERE))
     wrong_wrist = np.array([0, 0.3, 0, 0, 0, 0, 0, 0])
-    assert not is_doubted(told(body, wrong_wrist))
+    assert not movenet.is_doubted(told(body, wrong_wrist))
 
 
 def test_between_two_looks_its_points_lie_between_too() -> None:
@@ -171,7 +151,7 @@ def test_between_two_looks_its_points_lie_between_too() -> None:
     assert between(replace(a, second_xy_px=None), b, 0.5).second_xy_px is b.second_xy_px
 
 
-def courses(second: bool) -> tuple[list[list[Landmarks]], int]:
+def courses(second: bool) -> tuple[list[list[landmarks.Landmarks]], int]:
     """Everybody in a walk, and how often BlazePose's own detector was asked; the second network
     has everything 1 % of the crop further right."""
     asked = 0
@@ -179,18 +159,20 @@ def courses(second: bool) -> tuple[list[list[Landmarks]], int]:
     def person_detector(given: np.ndarray) -> list[np.ndarray]:
         nonlocal asked
         asked += 1
-        return blind_person_detector(given)
+        return made_people.blind_person_detector(given)
 
     def network(given: np.ndarray) -> list[np.ndarray]:
-        rows, *_ = landmark_network((given + 1) / 2)
-        points = rows.reshape(-1, 5)[POINTS, :2] / SIZE
+        rows, *_ = made_people.landmark_network((given + 1) / 2)
+        points = rows.reshape(-1, 5)[movenet.POINTS, :2] / movenet.SIZE
         return centernet((points + (0.01, 0.0), 3.0))
 
     course = Course(
-        box_network(), person_detector, landmark_network, 0.5, 0.5, 5,
+        made_people.box_network(), person_detector, made_people.landmark_network, 0.5, 0.5, 5,
         second=network if second else None, every_picture=True,
     )  # fmt: skip
-    people = [course.next_people(picture((100 + 4 * t, 150)), t == 11)[0] for t in range(12)]
+    people = [
+        course.next_people(made_people.picture((100 + 4 * t, 150)), t == 11)[0] for t in range(12)
+    ]
     return people, asked
 
 
@@ -202,10 +184,10 @@ def test_people_are_followed_as_without_it_and_told_by_both() -> None:
     for (one,), (two,) in zip(alone, both, strict=True):
         assert one.next_crop == two.next_crop
         moved = two.xy_px - one.xy_px
-        assert np.allclose(np.delete(moved, JOINTS, axis=0), 0)
-        right = 0.01 * crop_about(one).side
-        assert np.allclose(moved[JOINTS, 0], right / 2, atol=0.3 * right)
-        assert np.abs(moved[JOINTS, 1]).max() < 1.0  # pixel: bars in a finer crop
+        assert np.allclose(np.delete(moved, movenet.JOINTS, axis=0), 0)
+        right = 0.01 * movenet.crop_about(one).side
+        assert np.allclose(moved[movenet.JOINTS, 0], right / 2, atol=0.3 * right)
+        assert np.abs(moved[movenet.JOINTS, 1]).max() < 1.0  # pixel: bars in a finer crop
 
 
 def made_graph(folder: Path) -> tuple[Path, Path, list[np.ndarray]]:

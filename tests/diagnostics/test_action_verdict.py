@@ -23,14 +23,9 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.diagnostics import contradictions
 from imocap_core.diagnostics.action_verdict import distrust, verdict_of, without_consequences
 from imocap_core.diagnostics.bodies import feet_findings
-from imocap_core.diagnostics.contradictions import (
-    LIMBS,
-    PREDICTED,
-    PREDICTED_SHARE,
-    contradicted_findings,
-)
 from imocap_core.diagnostics.findings import (
     SENTENCES,
     Finding,
@@ -110,7 +105,7 @@ def test_times_by_which_the_pictures_are_predicted_are_right(
     rows = [PredictedVideo(id=i, error_share=error, **given) for i in made.ids]
     trust, reference = trusted(made, left_out_s=2 * DOUBTFUL_S), made.ids[0]
     trust.videos[0] = trust.videos[0].model_copy(update={"left_out_s": np.nan})
-    is_right = error <= PREDICTED and near >= PREDICTED_SHARE
+    is_right = error <= contradictions.PREDICTED and near >= contradictions.PREDICTED_SHARE
     for but in ("", f" but {reference}"):
         claimed = made.claimed.model_copy(update={"leave_one_out": rows})
         refined = with_sync(made, trust=trust)
@@ -342,7 +337,7 @@ def waving(video: VideoKeypoints) -> VideoKeypoints:
     """The video with limbs that move more."""
     xy = np.full_like(video.xy_px, np.nan)
     names = layout_names(video.layout)
-    xy[:, [names.index(limb) for limb in LIMBS]] = performance(frames=len(xy))
+    xy[:, [names.index(limb) for limb in contradictions.LIMBS]] = performance(frames=len(xy))
     return video.model_copy(update={"xy_px": xy})
 
 
@@ -456,7 +451,7 @@ def test_a_limb_detected_elsewhere_for_a_while_is_named(made: Made, part: str) -
     stretch = SwappedSides(
         id=video.id, first_frame=int(number[3]), last_frame=int(number[8]), part="legs"
     )
-    findings = contradicted_findings(
+    findings = contradictions.contradicted_findings(
         motion.model_copy(update={"swapped": [stretch] if part == "put right" else []}),
         {
             w.id: w.model_copy(update={"confidence": confidence}) if w.id == video.id else w

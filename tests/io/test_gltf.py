@@ -10,36 +10,26 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.gltf import (
-    COMPONENTS,
-    KINDS,
-    Actor,
-    ClipCamera,
-    Numbers,
-    quaternions,
-    scene_bytes,
-    skin_of,
-    write_glb,
-)
+from imocap_core.io.writers import gltf
 from tests.io.made_clips import Made, made_clip
 
-TYPES = {code: np.dtype(name) for name, code in COMPONENTS.items()}
-WIDTHS = {kind: shape for shape, kind in KINDS.items()}
+TYPES = {code: np.dtype(name) for name, code in gltf.COMPONENTS.items()}
+WIDTHS = {kind: shape for shape, kind in gltf.KINDS.items()}
 K = np.array([[700.0, 0, 320], [0, 690, 180], [0, 0, 1]])
 
 
-def camera(frames: int, turning: bool = True, walk_m: float = 0.0) -> ClipCamera:
+def camera(frames: int, turning: bool = True, walk_m: float = 0.0) -> gltf.ClipCamera:
     turns = Rotation.from_rotvec(np.linspace([0.1, 3.0, 0], [0, 3.4, 0.1], frames)).as_matrix()
     centre = np.array([[0, 1.5, 3.0]])
     if walk_m:
         centre = centre + np.linspace(0, walk_m, frames)[:, None]
-    return ClipCamera("v1", K, np.ones(1), (640, 360), turns if turning else turns[:1], centre)
+    return gltf.ClipCamera("v1", K, np.ones(1), (640, 360), turns if turning else turns[:1], centre)
 
 
-def actor(made: Made, walk_m: float = 0.0, **changes: Any) -> Actor:
+def actor(made: Made, walk_m: float = 0.0, **changes: Any) -> gltf.Actor:
     clip = replace(made.clip, **changes)
     clip_camera = replace(camera(len(clip.frames), walk_m=walk_m), id=clip.id)
-    return Actor(clip, skin_of(made.shaped), clip_camera, (0.2, 0.3, 0.4))
+    return gltf.Actor(clip, gltf.skin_of(made.shaped), clip_camera, (0.2, 0.3, 0.4))
 
 
 class Read:
@@ -107,7 +97,7 @@ class Read:
 @pytest.mark.parametrize("hands", [False, True])
 def test_the_skin_moves_as_the_body_does(hands: bool) -> None:
     made = made_clip(hands=hands)
-    read = Read(scene_bytes([actor(made)], {}))
+    read = Read(gltf.scene_bytes([actor(made)], {}))
     surface = made.posed.mesh().vertices.numpy()
     body = read.node("v1_body")
     joints = read.tree["skins"][0]["joints"]
@@ -121,7 +111,7 @@ def test_the_skin_moves_as_the_body_does(hands: bool) -> None:
 
 def test_what_a_viewer_shows_without_playing_is_the_first_frame() -> None:
     made = made_clip()
-    read = Read(scene_bytes([actor(made)], {}))
+    read = Read(gltf.scene_bytes([actor(made)], {}))
     read.tree["animations"][0]["channels"] = []
     world = read.animated(0, 0)
     theirs = np.stack([world[j][:3, 3] for j in read.tree["skins"][0]["joints"]])
@@ -130,7 +120,7 @@ def test_what_a_viewer_shows_without_playing_is_the_first_frame() -> None:
 
 def test_keys_are_the_frames_times_and_turns_take_the_short_way() -> None:
     made = made_clip(fps=25.0)
-    read = Read(scene_bytes([actor(made)], {}))
+    read = Read(gltf.scene_bytes([actor(made)], {}))
     animation = read.tree["animations"][0]
     for sampler in animation["samplers"]:
         accessor = read.tree["accessors"][sampler["input"]]
@@ -143,7 +133,7 @@ def test_keys_are_the_frames_times_and_turns_take_the_short_way() -> None:
 
 def test_quaternions_do_not_flip() -> None:
     R = Rotation.from_rotvec(np.linspace([0, 0, 0], [0, 9.0, 0], 50)).as_matrix()
-    q = quaternions(R)
+    q = gltf.quaternions(R)
     assert ((q[1:] * q[:-1]).sum(1) > 0.9).all()
     np.testing.assert_allclose(Rotation.from_quat(q).as_matrix(), R, atol=1e-12)
 
@@ -153,7 +143,7 @@ def test_quaternions_do_not_flip() -> None:
 def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int, walk_m: float) -> None:
     """Up to the principal point, which glTF's cameras have in the middle."""
     made = made_clip()
-    read = Read(scene_bytes([actor(made, walk_m)], {}))
+    read = Read(gltf.scene_bytes([actor(made, walk_m)], {}))
     world = read.animated(0, frame)[read.node("v1_camera")]
     optics = read.tree["cameras"][0]["perspective"]
     point = made.clip.joints[frame, 0]
@@ -172,14 +162,14 @@ def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int, walk_
 def test_a_still_camera_has_no_keys() -> None:
     made = made_clip()
     still = replace(actor(made), camera=camera(12, turning=False))
-    read = Read(scene_bytes([still], {}))
+    read = Read(gltf.scene_bytes([still], {}))
     moved = {c["target"]["node"] for c in read.tree["animations"][0]["channels"]}
     assert read.node("v1_camera") not in moved
 
 
 def test_every_video_has_nodes_of_its_own_and_all_play_together() -> None:
     first, second = made_clip(seed=1), made_clip(seed=2, frames=9)
-    read = Read(scene_bytes([actor(first), actor(second, id="v2")], {"up_axis": "y"}))
+    read = Read(gltf.scene_bytes([actor(first), actor(second, id="v2")], {"up_axis": "y"}))
     assert [a["name"] for a in read.tree["animations"]] == ["all", "v1", "v2"]
     together, one, two = (len(a["channels"]) for a in read.tree["animations"])
     assert together == one + two
@@ -193,7 +183,7 @@ def test_every_video_has_nodes_of_its_own_and_all_play_together() -> None:
 
 
 def test_parts_lie_within_the_block_and_aligned() -> None:
-    read = Read(scene_bytes([actor(made_clip())], {}))
+    read = Read(gltf.scene_bytes([actor(made_clip())], {}))
     assert len(read.block) % 4 == 0
     for view in read.tree["bufferViews"]:
         assert view["byteOffset"] % 4 == 0
@@ -204,16 +194,16 @@ def test_parts_lie_within_the_block_and_aligned() -> None:
 
 def test_what_gltf_can_not_hold_is_said() -> None:
     with pytest.raises(ValueError, match=r"array: expected .* got float64 \(2, 3\)"):
-        Numbers().add(np.zeros((2, 3)))
+        gltf.Numbers().add(np.zeros((2, 3)))
     with pytest.raises(ValueError, match=r"got float32 \(0, 3\)"):
-        Numbers().add(np.zeros((0, 3), dtype=np.float32))
+        gltf.Numbers().add(np.zeros((0, 3), dtype=np.float32))
 
 
 def test_other_libraries_open_it(tmp_path: Path) -> None:
     """pygltflib and trimesh, where they are installed."""
     made = made_clip()
     file = tmp_path / "a.glb"
-    write_glb(file, [actor(made)], {})
+    gltf.write_glb(file, [actor(made)], {})
     pygltflib = pytest.importorskip("pygltflib", reason="pygltflib reads it where installed")
     read = pygltflib.GLTF2().load(file)
     assert [n.name for n in read.nodes][:2] == ["v1", "pelvis"]

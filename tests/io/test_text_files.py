@@ -9,23 +9,18 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.text_files import (
-    CameraCalibration,
-    write_calibration,
-    write_joints_csv,
-    write_trc,
-)
+from imocap_core.io.writers import text_files
 from tests.io.made_clips import made_clip
 
 R = Rotation.from_rotvec([0.3, -1.2, 0.4]).as_matrix()
-CAMERA = CameraCalibration(
+CAMERA = text_files.CameraCalibration(
     "cam 1", (1080, 1920), np.array([[1700.5, 0, 539.5], [0, 1700.5, 959.5], [0, 0, 1]]), R,
     np.array([0.1, -0.2, 4.0]), (-0.05,),
 )  # fmt: skip
 
 
 def test_calib_toml_is_what_pose2sim_reads(tmp_path: Path) -> None:
-    write_calibration(tmp_path, [CAMERA])
+    text_files.write_calibration(tmp_path, [CAMERA])
     table = tomllib.loads((tmp_path / "Calib.toml").read_text())
     camera = table["cam 1"]
     assert camera["size"] == [1080.0, 1920.0]
@@ -38,8 +33,8 @@ def test_calib_toml_is_what_pose2sim_reads(tmp_path: Path) -> None:
 
 
 def test_yml_is_opencvs_file_storage(tmp_path: Path) -> None:
-    camera = CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, (-0.05,))
-    files = write_calibration(tmp_path, [camera])
+    camera = text_files.CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, (-0.05,))
+    files = text_files.write_calibration(tmp_path, [camera])
     intri, extri = (cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ) for file in files[1:])
     np.testing.assert_allclose(intri.getNode("K_cam1").mat(), camera.K)
     np.testing.assert_allclose(intri.getNode("dist_cam1").mat(), [[-0.05, 0, 0, 0, 0]])
@@ -51,8 +46,8 @@ def test_yml_is_opencvs_file_storage(tmp_path: Path) -> None:
 
 def test_a_third_radial_coefficient_is_written_where_there_is_one(tmp_path: Path) -> None:
     coefficients = (-0.2, 0.05, 0.001, -0.002, 0.01)
-    camera = CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, coefficients)
-    files = write_calibration(tmp_path, [camera])
+    camera = text_files.CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, coefficients)
+    files = text_files.write_calibration(tmp_path, [camera])
     table = tomllib.loads(files[0].read_text())
     assert table["cam1"]["distortions"] == list(coefficients)
     intri = cv2.FileStorage(str(files[1]), cv2.FILE_STORAGE_READ)
@@ -61,7 +56,7 @@ def test_a_third_radial_coefficient_is_written_where_there_is_one(tmp_path: Path
 
 def test_trc_comes_back(tmp_path: Path) -> None:
     clip = made_clip(fps=29.97).clip
-    write_trc(tmp_path / "v1.trc", clip)
+    text_files.write_trc(tmp_path / "v1.trc", clip)
     lines = (tmp_path / "v1.trc").read_text().split("\n")
     assert lines[0] == "PathFileType\t4\t(X/Y/Z)\tv1.trc"
     about = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=True))
@@ -82,7 +77,7 @@ def test_trc_comes_back(tmp_path: Path) -> None:
 
 def test_trc_names_the_nearest_first_frame(tmp_path: Path) -> None:
     clip = made_clip().clip
-    write_trc(tmp_path / "x.trc", replace(clip, frames=clip.frames + 0.4))
+    text_files.write_trc(tmp_path / "x.trc", replace(clip, frames=clip.frames + 0.4))
     assert (tmp_path / "x.trc").read_text().split("\n")[2].split("\t")[6] == "7"
 
 
@@ -95,7 +90,7 @@ def test_csv_comes_back(tmp_path: Path) -> None:
     frames = clip.frames + 0.25
     sd = {"left_wrist": np.where(np.arange(len(phase)) == 2, np.nan, 12.5)}
     written = replace(clip, phase_s=phase, inside=inside, frames=frames)
-    write_joints_csv(tmp_path / "v1.csv", written, sd)
+    text_files.write_joints_csv(tmp_path / "v1.csv", written, sd)
     with (tmp_path / "v1.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["inside"] for row in rows] == ["1"] * 11 + ["0"]

@@ -8,21 +8,8 @@ import av
 import numpy as np
 import pytest
 
+from imocap_core.io import video
 from imocap_core.io.frame_access import all_frames, check_video
-from imocap_core.io.video import (
-    ENCODER,
-    ENCODERS,
-    PictureDisplay,
-    axes_of,
-    display_of,
-    film_encoder,
-    open_video,
-    probe,
-    read_gray,
-    read_rgb,
-    read_rgb_of,
-    write_h264,
-)
 from tests.io.made_times import write_timed
 from tests.io.made_videos import FPS, level, write_video
 
@@ -35,74 +22,74 @@ def clip(count=7, height=48, width=64):
 
 @pytest.fixture
 def path(tmp_path):
-    write_h264(tmp_path / "clip.mp4", clip(), 29.97, crf=12)
+    video.write_h264(tmp_path / "clip.mp4", clip(), 29.97, crf=12)
     return tmp_path / "clip.mp4"
 
 
 def test_a_written_video_has_its_rate_size_and_length(path):
-    info = probe(path)
+    info = video.probe(path)
     assert info.fps == pytest.approx(29.97, abs=1e-3)
     assert (info.size, info.frame_count) == ((64, 48), 7)
 
 
 def test_frames_come_back_in_order_and_nearly_unchanged(path):
-    read = dict(read_rgb(path))
+    read = dict(video.read_rgb(path))
     assert list(read) == list(range(7))
     for t, original in enumerate(clip()):
         assert np.abs(read[t].astype(int) - original).mean() < 6
 
 
 def test_a_range_of_frames_keeps_its_numbers(path):
-    assert [number for number, _ in read_gray(path, 2, 5)] == [2, 3, 4]
+    assert [number for number, _ in video.read_gray(path, 2, 5)] == [2, 3, 4]
 
 
 def test_some_frames_are_those_of_all(path):
-    every = dict(read_rgb(path))
-    some = dict(read_rgb_of(path, {5, 2}))
+    every = dict(video.read_rgb(path))
+    some = dict(video.read_rgb_of(path, {5, 2}))
     assert list(some) == [2, 5]
     assert all((some[number] == every[number]).all() for number in some)
-    assert not dict(read_rgb_of(path, set()))
+    assert not dict(video.read_rgb_of(path, set()))
 
 
 def test_grey_frames_can_be_smaller(path):
-    for _, picture in read_gray(path, scale=0.5):
+    for _, picture in video.read_gray(path, scale=0.5):
         assert picture.shape == (24, 32)
         assert picture.dtype == np.uint8
 
 
 def test_the_same_frames_give_the_same_bytes(path, tmp_path):
-    write_h264(tmp_path / "again.mp4", clip(), 29.97, crf=12)
+    video.write_h264(tmp_path / "again.mp4", clip(), 29.97, crf=12)
     assert path.read_bytes() == (tmp_path / "again.mp4").read_bytes()
 
 
 def test_odd_sizes_lose_a_row_and_a_column(tmp_path):
-    write_h264(tmp_path / "odd.mp4", clip(2, 49, 65), 25.0)
-    assert probe(tmp_path / "odd.mp4").size == (64, 48)
+    video.write_h264(tmp_path / "odd.mp4", clip(2, 49, 65), 25.0)
+    assert video.probe(tmp_path / "odd.mp4").size == (64, 48)
 
 
 def test_what_is_no_video_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no such video file"):
-        probe(tmp_path / "none.mp4")
+        video.probe(tmp_path / "none.mp4")
     (tmp_path / "text.mp4").write_text("hello")
     with pytest.raises(ValueError, match="is not a readable video"):
-        probe(tmp_path / "text.mp4")
+        video.probe(tmp_path / "text.mp4")
     with pytest.raises(ValueError, match="at least one frame"):
-        write_h264(tmp_path / "empty.mp4", [], 25.0)
+        video.write_h264(tmp_path / "empty.mp4", [], 25.0)
 
 
-@pytest.mark.parametrize("encoder", ENCODERS)
+@pytest.mark.parametrize("encoder", video.ENCODERS)
 def test_films_of_every_encoder_come_back(tmp_path, monkeypatch, encoder):
-    monkeypatch.setenv(ENCODER, encoder)
-    assert write_h264(tmp_path / "a.mp4", clip(), fps=25) == 7
-    assert probe(tmp_path / "a.mp4").frame_count == 7
-    for (_, back), frame in zip(read_rgb(tmp_path / "a.mp4"), clip(), strict=True):
+    monkeypatch.setenv(video.ENCODER, encoder)
+    assert video.write_h264(tmp_path / "a.mp4", clip(), fps=25) == 7
+    assert video.probe(tmp_path / "a.mp4").frame_count == 7
+    for (_, back), frame in zip(video.read_rgb(tmp_path / "a.mp4"), clip(), strict=True):
         assert np.abs(back.astype(float) - frame).mean() < 12
 
 
 def test_an_unknown_encoder_is_refused(monkeypatch):
-    monkeypatch.setenv(ENCODER, "rm -rf")
+    monkeypatch.setenv(video.ENCODER, "rm -rf")
     with pytest.raises(ValueError, match="expected one of libx264, libvpx-vp9, rm -rf is not"):
-        film_encoder()
+        video.film_encoder()
 
 
 def refused(path):
@@ -179,7 +166,7 @@ def test_a_file_that_names_others_is_not_opened(tmp_path, name, content):
     secret = write_video(tmp_path / "secret.mp4")
     (tmp_path / name).write_text(content.format(secret))
     with pytest.raises(ValueError, match=r"a playlist or another file without a video|readable"):
-        open_video(tmp_path / name)
+        video.open_video(tmp_path / name)
     assert refused(tmp_path / name) == "expected a video, got text"
 
 
@@ -200,7 +187,7 @@ def ordinary_priority():
 
 
 def left_levels(path):
-    return [float(p[:, : p.shape[1] // 4].mean()) for _, p in read_gray(path)]
+    return [float(p[:, : p.shape[1] // 4].mean()) for _, p in video.read_gray(path)]
 
 
 @pytest.mark.parametrize(
@@ -261,12 +248,12 @@ def test_all_eight_orientations(tmp_path: Path, linear: tuple[int, int, int, int
     stored[:, :48] = 40
     stored[:16, :48] = 0  # the corner tells which way is up
     expected = ORIENTATIONS[linear](stored)
-    info = probe(path)
+    info = video.probe(path)
     assert info.size == expected.shape[::-1]
     for picture in (
-        next(read_gray(path))[1],
+        next(video.read_gray(path))[1],
         next(all_frames(path)).gray(200),
-        next(read_rgb(path))[1][..., 1],
+        next(video.read_rgb(path))[1][..., 1],
     ):
         assert picture.shape == expected.shape
         where = expected == expected.max()
@@ -276,12 +263,14 @@ def test_all_eight_orientations(tmp_path: Path, linear: tuple[int, int, int, int
 
 def test_points_go_where_their_pixels_go() -> None:
     for linear in ORIENTATIONS:
-        display = PictureDisplay((96, 64), 1.0, axes_of(np.reshape(matrix(*linear), (3, 3))))
+        display = video.PictureDisplay(
+            (96, 64), 1.0, video.axes_of(np.reshape(matrix(*linear), (3, 3)))
+        )
         picture = np.zeros((64, 96), np.uint8)
         picture[5, 70] = 255
         y, x = np.argwhere(display.shown(picture))[0]
         assert display.shown_points(np.array([70.0, 5.0])) == pytest.approx([x, y])
-    wide = PictureDisplay((96, 64), 2.0)
+    wide = video.PictureDisplay((96, 64), 2.0)
     assert wide.size == (192, 64)
     assert wide.shown_points(np.array([[47.5, 31.5], [0.0, 0.0]])) == pytest.approx(
         np.array([[95.5, 31.5], [0.5, 0.0]])
@@ -300,22 +289,22 @@ def test_pixels_that_are_not_square(tmp_path: Path, name: str, codec: str, turne
     along = matrix(0, 1, -1, 0) if turned else None
     path = write_video(tmp_path / name, codec, size=(96, 72), aspect=Fraction(4, 3), matrix=along)
     size = (72, 128) if turned else (128, 72)
-    assert probe(path).size == size
-    assert next(read_rgb(path))[1].shape == (*size[::-1], 3)
-    assert next(read_gray(path, scale=0.5))[1].shape == (size[1] // 2, size[0] // 2)
+    assert video.probe(path).size == size
+    assert next(video.read_rgb(path))[1].shape == (*size[::-1], 3)
+    assert next(video.read_gray(path, scale=0.5))[1].shape == (size[1] // 2, size[0] // 2)
     assert next(all_frames(path)).gray(64).shape == (size[1] // 2, size[0] // 2)
 
 
 @pytest.mark.parametrize("aspect", [Fraction(640, 639), Fraction(1, 1000), Fraction(1000, 1)])
 def test_a_rounded_aspect_ratio_and_nonsense_are_square(tmp_path: Path, aspect: Fraction) -> None:
-    assert probe(write_video(tmp_path / "a.mp4", aspect=aspect)).size == (96, 64)
+    assert video.probe(write_video(tmp_path / "a.mp4", aspect=aspect)).size == (96, 64)
 
 
 def test_a_damaged_matrix_and_pictures_of_another_size() -> None:
-    assert axes_of(np.zeros((3, 3), int)) == ((1, 0), (0, 1))
+    assert video.axes_of(np.zeros((3, 3), int)) == ((1, 0), (0, 1))
     frame = av.VideoFrame.from_ndarray(np.zeros((64, 96, 3), np.uint8), format="rgb24")
-    display = display_of(frame, None)
-    assert display == PictureDisplay((96, 64))
+    display = video.display_of(frame, None)
+    assert display == video.PictureDisplay((96, 64))
     from imocap_core.io.video import ShownFrame
 
     half = av.VideoFrame.from_ndarray(np.zeros((32, 48, 3), np.uint8), format="rgb24")

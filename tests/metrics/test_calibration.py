@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.sync.reliability import expected_calibration_error
+from benchmarks.sync_reliability import expected_calibration_error
 from imocap_core.metrics.calibration import (
     along_and_across,
     coverage_error,

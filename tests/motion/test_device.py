@@ -11,9 +11,7 @@ from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_leaves
 
-from benchmarks.solver.adam import adam
-from benchmarks.solver.lbfgs import lbfgs
-from benchmarks.solver.scene import made_scene
+from benchmarks.solver_race import adam, lbfgs, made_scene
 from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.smpl_ba import recover_motion

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.solver.adam import adam
-from benchmarks.solver.lbfgs import lbfgs
+from benchmarks.solver_race import adam, lbfgs
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion import gauss_newton as gauss_newton_module
 from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_halves, objective

@@ -3,22 +3,8 @@
 import numpy as np
 import pytest
 
-from imocap_core.people.appearance import (
-    appearance_distance,
-    appearance_of,
-    join_by_appearance,
-    meetings,
-    swap_after_meetings,
-)
+from imocap_core.people import appearance, tracking
 from imocap_core.people.performer import performer_of, ranked_tracks
-from imocap_core.people.tracking import (
-    GATE,
-    PersonTrack,
-    distinct_people,
-    follow,
-    lost_frames,
-    pose_distance,
-)
 
 SIZE, FPS = (640, 360), 30.0
 OFFSETS = np.random.default_rng(0).uniform(-1, 1, size=(17, 2)) * [25, 60]
@@ -88,7 +74,7 @@ def test_a_body_detected_upside_down_for_a_moment_is_the_same_person(wild):
     for t in wild:
         frames[t] = frames[t].copy()
         frames[t][..., 1] = 360 - frames[t][..., 1]
-    assert pose_distance(frames[29][0], frames[30][0]) > GATE
+    assert tracking.pose_distance(frames[29][0], frames[30][0]) > tracking.GATE
     performer = choose(frames)
     assert (performer.tracks_found, performer.presence) == (1, 1.0)
 
@@ -108,7 +94,7 @@ def test_a_false_detection_of_one_frame_is_nobody():
 
 def test_a_person_seen_twice_in_one_frame_is_one():
     weaker = performer_at(0) + np.array([1.5, 1.0, -0.3])
-    distinct = distinct_people(np.stack([weaker, performer_at(0)]), 0.05)
+    distinct = tracking.distinct_people(np.stack([weaker, performer_at(0)]), 0.05)
     assert np.array_equal(distinct, performer_at(0)[None])
 
 
@@ -125,16 +111,16 @@ def test_a_body_cut_in_two_is_made_whole():
 def test_weak_points_are_missing():
     weak = performer_at(0)
     weak[5, 2] = 0.03
-    distinct = distinct_people(weak[None], 0.05)
+    distinct = tracking.distinct_people(weak[None], 0.05)
     assert np.isnan(distinct[0, 5, :2]).all()
     assert distinct[0, 5, 2] == 0
 
 
 def test_distance_is_symmetric_and_free_of_scale():
     a, b = person(100, 100), person(130, 100)
-    assert pose_distance(a, b) == pose_distance(b, a)
+    assert tracking.pose_distance(a, b) == tracking.pose_distance(b, a)
     bigger = [pose * [3, 3, 1] for pose in (a, b)]
-    assert pose_distance(*bigger) == pytest.approx(pose_distance(a, b))
+    assert tracking.pose_distance(*bigger) == pytest.approx(tracking.pose_distance(a, b))
 
 
 def test_every_detection_belongs_to_exactly_one_track():
@@ -142,7 +128,7 @@ def test_every_detection_belongs_to_exactly_one_track():
     frames = [
         np.stack([person(*rng.uniform([50, 100], [600, 260])) for _ in range(3)]) for _ in range(20)
     ]
-    tracks = follow(frames, max_gap=5)
+    tracks = tracking.follow(frames, max_gap=5)
     assert sum(len(track.frames) for track in tracks) == 60
     assert all(np.all(np.diff(track.frames) > 0) for track in tracks)
 
@@ -153,19 +139,23 @@ def test_nobody_is_said():
     assert "nobody" in performer.note
 
 
-def test_a_false_person_now_and_then_takes_nobody_over():
-    """Beside the performer for a few frames, and again much later, nearer."""
-    frames = []
-    for t in range(90):
-        people = [performer_at(t)]
-        if 20 <= t < 24:
-            people.append(performer_at(t) + [60, 0, 0])
-        if t == 60:
-            people.append(performer_at(t) + [15, 0, 0])
-        frames.append(np.stack(people))
-    performer = choose(frames)
+@pytest.mark.parametrize(
+    ("count", "beside", "beside_px", "once", "once_px"),
+    [
+        (90, range(20, 24), 60, 60, 15),  # again much later, nearer
+        # on the other side: both would find a track if the performer's went to the false one
+        (60, range(30, 40), 40, 40, -25),
+    ],
+)
+def test_a_false_person_takes_nobody_over(count, beside, beside_px, once, once_px):
+    """Beside the performer for a few frames, and in one later."""
+    performers = [performer_at(t) for t in range(count)]
+    frames = [[performer] for performer in performers]
+    for t, x in (*((t, beside_px) for t in beside), (once, once_px)):
+        frames[t].append(performers[t] + [x, 0, 0])
+    performer = choose([np.stack(people) for people in frames])
     assert performer.presence == 1.0
-    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(90)]))
+    assert np.allclose(performer.xy_px, np.stack(performers)[..., :2])
 
 
 def test_a_second_detection_of_somebody_takes_nobody_over():
@@ -180,22 +170,6 @@ def test_a_second_detection_of_somebody_takes_nobody_over():
         frames.append(np.stack(people))
     performer = choose(frames)
     assert performer.presence == 1.0
-
-
-def test_a_good_pair_is_not_given_up_for_two_worse_ones():
-    """A false detection beside the performer for some frames is on the other side in one: both
-    detections would find a track if the performer's went to the false one."""
-    frames = []
-    for t in range(60):
-        people = [performer_at(t)]
-        if 30 <= t < 40:
-            people.append(performer_at(t) + [40, 0, 0])
-        if t == 40:
-            people.append(performer_at(t) - [25, 0, 0])
-        frames.append(np.stack(people))
-    performer = choose(frames)
-    assert performer.presence == 1.0
-    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(60)]))
 
 
 SHAPE = np.random.default_rng(0).uniform(-1, 1, (17, 2)) * [25, 60]
@@ -222,9 +196,9 @@ def film() -> tuple[list[np.ndarray], list[np.ndarray]]:
     return x, shown
 
 
-def appearances_of(track: PersonTrack, shown: list[np.ndarray]) -> dict[int, np.ndarray]:
+def appearances_of(track: tracking.PersonTrack, shown: list[np.ndarray]) -> dict[int, np.ndarray]:
     return {
-        f: appearance_of(shown[f], p)
+        f: appearance.appearance_of(shown[f], p)
         for f, p in zip(track.frames, track.poses, strict=True)
         if f % 3 == 0
     }
@@ -232,21 +206,23 @@ def appearances_of(track: PersonTrack, shown: list[np.ndarray]) -> dict[int, np.
 
 def test_other_clothes_look_other() -> None:
     shown = [picture([(150, RED)], s) for s in (0, 1)] + [picture([(150, BLUE)], 2)]
-    red, again, blue = (appearance_of(x, pose(150)) for x in shown)
-    assert appearance_distance(red, again) < 0.2
-    assert appearance_distance(red, blue) > 0.6
-    assert appearance_distance(red, blue) == appearance_distance(blue, red)
+    red, again, blue = (appearance.appearance_of(x, pose(150)) for x in shown)
+    assert appearance.appearance_distance(red, again) < 0.2
+    assert appearance.appearance_distance(red, blue) > 0.6
+    assert appearance.appearance_distance(red, blue) == appearance.appearance_distance(blue, red)
     assert np.isclose(red @ red, 1.0)
 
 
 def test_ends_are_swapped_after_a_meeting_that_motion_got_wrong() -> None:
     x, shown = film()
     turned = [p if t < 30 else p[::-1] for t, p in zip(FRAMES, x, strict=True)]
-    wrong = [PersonTrack(list(FRAMES), [pose(p[k]) for p in turned]) for k in (0, 1)]
-    assert len(meetings(*wrong)) == 1
-    tracks, appearances = swap_after_meetings(wrong, [appearances_of(t, shown) for t in wrong])
+    wrong = [tracking.PersonTrack(list(FRAMES), [pose(p[k]) for p in turned]) for k in (0, 1)]
+    assert len(appearance.meetings(*wrong)) == 1
+    tracks, appearances = appearance.swap_after_meetings(
+        wrong, [appearances_of(t, shown) for t in wrong]
+    )
     for k, track in enumerate(tracks):
-        after = meetings(*wrong)[0][1] + 1
+        after = appearance.meetings(*wrong)[0][1] + 1
         right = [pose(p[k]) for p in x]
         np.testing.assert_array_equal(np.stack(track.poses[after:]), np.stack(right[after:]))
         assert track.frames == list(FRAMES)
@@ -255,8 +231,8 @@ def test_ends_are_swapped_after_a_meeting_that_motion_got_wrong() -> None:
 
 def test_right_tracks_stay() -> None:
     x, shown = film()
-    right = [PersonTrack(list(FRAMES), [pose(p[k]) for p in x]) for k in (0, 1)]
-    tracks, _ = swap_after_meetings(right, [appearances_of(t, shown) for t in right])
+    right = [tracking.PersonTrack(list(FRAMES), [pose(p[k]) for p in x]) for k in (0, 1)]
+    tracks, _ = appearance.swap_after_meetings(right, [appearances_of(t, shown) for t in right])
     for before, after in zip(right, tracks, strict=True):
         np.testing.assert_array_equal(np.stack(before.poses), np.stack(after.poses))
 
@@ -268,10 +244,10 @@ def test_who_comes_back_elsewhere_is_joined_by_looks_where_nobody_else_looks_so(
     clothes_of_other, lengths
 ):
     shown = [picture([(150 if t < 25 else 520, RED), (300, clothes_of_other)], t) for t in FRAMES]
-    gone = PersonTrack(list(range(20)), [pose(150)] * 20)
-    back = PersonTrack(list(range(40, 60)), [pose(520)] * 20)
-    both = [gone, PersonTrack(list(FRAMES), [pose(300)] * 60), back]
-    tracks, _ = join_by_appearance(both, [appearances_of(t, shown) for t in both])
+    gone = tracking.PersonTrack(list(range(20)), [pose(150)] * 20)
+    back = tracking.PersonTrack(list(range(40, 60)), [pose(520)] * 20)
+    both = [gone, tracking.PersonTrack(list(FRAMES), [pose(300)] * 60), back]
+    tracks, _ = appearance.join_by_appearance(both, [appearances_of(t, shown) for t in both])
     assert [len(t.frames) for t in tracks] == lengths
     assert tracks[0].frames == [*range(20), *(range(40, 60) if len(tracks) == 2 else ())]
 
@@ -291,14 +267,14 @@ def tilted(degrees):
 def test_frames_in_which_the_trunk_jumps_away_and_back_are_lost(stretch):
     away = np.isin(np.arange(90), np.arange(*stretch))
     xy = tilted(np.where(away, 160.0, 90.0)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
-    np.testing.assert_array_equal(lost_frames(xy, TALL_PX, TRUNK, FPS), away)
+    np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), away)
 
 
 @pytest.mark.parametrize("stretch", [(0, 30), (20, 60), (60, 90)])
 def test_frames_in_which_somebody_is_upside_down_of_a_sudden_are_lost_however_many(stretch):
     over = np.isin(np.arange(90), np.arange(*stretch))
     xy = tilted(np.where(over, 175.0, 5.0)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
-    np.testing.assert_array_equal(lost_frames(xy, TALL_PX, TRUNK, FPS), over)
+    np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), over)
 
 
 def test_who_stays_away_a_somersault_and_one_wrong_hip_are_no_lost_frames():
@@ -306,4 +282,4 @@ def test_who_stays_away_a_somersault_and_one_wrong_hip_are_no_lost_frames():
     somersault = tilted(np.clip(np.arange(90) - 40, 0, 12) * 30.0)
     wrong_hip = tilted(np.full(90, 90.0)) + 150.0 * np.eye(90 * 4)[50 * 4 + 2].reshape(90, 4, 1)
     right = (lies_down, somersault, wrong_hip)
-    assert not any(lost_frames(xy, TALL_PX, TRUNK, FPS).any() for xy in right)
+    assert not any(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS).any() for xy in right)

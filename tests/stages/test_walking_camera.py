@@ -5,8 +5,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from benchmarks.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
-from benchmarks.synthetic.walking_cameras import CameraWalk
+from benchmarks.synthetic import moving_yoga
 from imocap_core.adapters import camera_motion as moving_camera
 from imocap_core.alignment import similarity
 from imocap_core.artifacts.schemas import Keypoints
@@ -23,8 +22,10 @@ SIZE = (400, 226)
 def film(tmp_path_factory):
     """The folder of a film, its keypoints, and the clip."""
     folder, shaped = tmp_path_factory.mktemp("walk"), demo_body(5)
-    clip = every_frame(make_moving_clip(5, 0, shaped, CameraWalk(1.2), SIZE), 4)
-    write_h264(folder / "v1.mp4", moving_pictures(clip, 5, 0, shaped), clip.fps, crf=16)
+    clip = moving_yoga.every_frame(
+        moving_yoga.make_moving_clip(5, 0, shaped, moving_yoga.CameraWalk(1.2), SIZE), 4
+    )
+    write_h264(folder / "v1.mp4", moving_yoga.moving_pictures(clip, 5, 0, shaped), clip.fps, crf=16)
     xy_px = clip.xy_px
     video = made_keypoints(
         np.arange(len(xy_px)), fps=clip.fps, size=SIZE, video="v1.mp4", xy_px=xy_px,

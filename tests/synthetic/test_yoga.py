@@ -6,14 +6,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.synthetic.choreography import (
-    PhaseSpan,
-    contact_forward,
-    contact_places,
-    contact_targets,
-    pace,
-    solve_contacts,
-)
+from imocap_core.synthetic import choreography
 from imocap_core.synthetic.yoga import SUN_SALUTATION, local_rotations
 from imocap_core.synthetic.yoga_clip import YOGA_SPANS, make_yoga_clip
 
@@ -48,8 +41,8 @@ def test_flat_soles_are_level():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_pace_is_monotone_non_linear_and_ends_where_it_should(seed):
-    clip = PhaseSpan(frames=150, first=4.0, last=171.0, fps=30.0)
-    phase = pace(clip, np.random.default_rng(seed))
+    clip = choreography.PhaseSpan(frames=150, first=4.0, last=171.0, fps=30.0)
+    phase = choreography.pace(clip, np.random.default_rng(seed))
     steps = np.diff(phase)
     assert phase.shape == (150,)
     assert phase[0] == 4.0
@@ -60,14 +53,14 @@ def test_pace_is_monotone_non_linear_and_ends_where_it_should(seed):
 
 
 def test_planting_puts_hands_and_feet_on_their_places(shaped):
-    forward = contact_forward(shaped)
+    forward = choreography.contact_forward(shaped)
     rest = shaped.joints_rest.numpy()
-    plan = contact_places(rest, float(shaped.vertices_rest[:, 1].min()))
+    plan = choreography.contact_places(rest, float(shaped.vertices_rest[:, 1].min()))
     times = np.array([key.time_s for key in SUN_SALUTATION])
-    targets = contact_targets(SUN_SALUTATION, plan, rest, times)
+    targets = choreography.contact_targets(SUN_SALUTATION, plan, rest, times)
     guess = np.stack([local_rotations(key).as_matrix() for key in SUN_SALUTATION])
     hips = np.array([[0.0, *key.hips_m] for key in SUN_SALUTATION])
-    rotations, pelvis = solve_contacts(forward, guess, hips, targets)
+    rotations, pelvis = choreography.solve_contacts(forward, guess, hips, targets)
     xyz, _ = forward(rotations, pelvis)
     firm = targets.weight[..., 0] > 300
     assert firm.sum() > 60

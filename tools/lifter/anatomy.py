@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import torch
 
-from benchmarks.synthetic.arm_twist import natural_arm
+from benchmarks.synthetic.captured_skeleton import natural_arm
 from imocap_core.body import load_free_body
 from imocap_core.body.kinematics import centre_of_mass
 from imocap_core.conventions import SMPL_JOINTS

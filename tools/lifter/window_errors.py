@@ -1,7 +1,7 @@
 """Detection errors of each training window: of an unknown detector, or as measured of MediaPipe.
 
 Lengths are shares of the person's height in the picture. The measured errors are the preset
-`mediapipe` of benchmarks/synthetic/detector_presets.py, with random factors.
+`mediapipe` of benchmarks/synthetic/simulated.py, with random factors.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from benchmarks.synthetic.detector_presets import DETECTORS
+from benchmarks.synthetic.simulated import DETECTORS
 from imocap_core.lifter.lifter_network import COMMON, RATE_HZ
 from imocap_core.synthetic.detector import error_factors, hold, offset_target
 

@@ -79,7 +79,7 @@ LISTS = ("annotations", "instance_info", "frames")  # fields that a file's list 
 _FAULTS_SHOWN = 5
 
 
-def entries_of(path: Path, form: Form) -> list[Entry]:
+def _entries_of(path: Path, form: Form) -> list[Entry]:
     """The entries of a file, or the files of a folder. ValueError where there are none."""
     if path.is_dir() and form.folder != "no":
         files = numbered_files(path, what=form.name)
@@ -109,7 +109,7 @@ def read_people(form: Form, path: Path, layout: str) -> DetectedPeople:
     must_have_layout(form.layouts, layout, form.name, path)
     people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
     faults: list[str] = []
-    for number, content, where in entries_of(path, form):
+    for number, content, where in _entries_of(path, form):
         try:
             content = read_json(content) if isinstance(content, Path) else content
             frame, of_frame = form.people(content, number, where)
@@ -331,7 +331,7 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
     return replace(people, frames=people.frames - 1) if from_one and path.is_file() else people
 
 
-def read_easymocap(path: Path, layout: str) -> DetectedPeople:
+def _read_easymocap(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames; errors as of `read_people`."""
     return read_people(EASYMOCAP, path, layout)
 
@@ -403,7 +403,9 @@ def read_openpose_hands(
     Raises:
         ValueError: file, field, expected, got.
     """
-    contents = {number: (content, where) for number, content, where in entries_of(folder, OPENPOSE)}
+    contents = {
+        number: (content, where) for number, content, where in _entries_of(folder, OPENPOSE)
+    }
     hands = np.full((len(frames), 2, HAND_POINTS, 3), (np.nan, np.nan, 0.0))
     for t, frame in enumerate(frames.tolist()):
         if frame not in contents or not np.isfinite(body_xy_px[t]).any():

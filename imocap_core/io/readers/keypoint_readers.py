@@ -13,27 +13,8 @@ from jaxtyping import Float
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.array_files import read_object
 from imocap_core.io.npz import array_names, load_arrays
+from imocap_core.io.readers import json_people, mediapipe
 from imocap_core.io.readers.estimates import POINTS_2D
-from imocap_core.io.readers.json_people import (
-    COCO,
-    EASYMOCAP,
-    LISTS,
-    MMPOSE,
-    OPENPOSE,
-    PICTURES,
-    ULTRALYTICS,
-    is_person,
-    list_in,
-    people_in,
-    people_of,
-    points_in,
-    read_alphapose,
-    read_coco,
-    read_mmpose,
-    read_people,
-    read_ultralytics,
-    rows_of,
-)
 from imocap_core.io.readers.keypoint_arrays import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.readers.keypoint_arrays import (
     WITH_HANDS,
@@ -41,14 +22,6 @@ from imocap_core.io.readers.keypoint_arrays import (
     read_cpn_npz,
     read_keypoints_npz,
     read_sam3d_keypoints,
-)
-from imocap_core.io.readers.mediapipe import (
-    PICTURE,
-    WORLD,
-    is_landmarks,
-    landmark_columns,
-    points_of_csv,
-    read_mediapipe,
 )
 from imocap_core.io.readers.people import (
     JSON_LINES,
@@ -63,13 +36,13 @@ from imocap_core.io.readers.people import (
 
 LOOKED_AT = 60  # entries of a list, or files of a folder
 FORMS = {  # by whose entries the layout is told
-    "openpose": OPENPOSE,
-    "easymocap": EASYMOCAP,
-    "alphapose": COCO,
-    "pictures": PICTURES,
-    "coco": COCO,
-    "mmpose": MMPOSE,
-    "ultralytics": ULTRALYTICS,
+    "openpose": json_people.OPENPOSE,
+    "easymocap": json_people.EASYMOCAP,
+    "alphapose": json_people.COCO,
+    "pictures": json_people.PICTURES,
+    "coco": json_people.COCO,
+    "mmpose": json_people.MMPOSE,
+    "ultralytics": json_people.ULTRALYTICS,
 }
 _LAYOUTS = {"mediapipe": "mediapipe33", "sam3d_body": SAM3D_LAYOUT}  # that the format tells
 _LAYOUT_NAMES = {"coco": "coco17", "h36m": "h36m17"}  # in VideoPose3D's metadata
@@ -78,7 +51,7 @@ Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
 Guess = tuple[str | None, str | None, list[Person]]
 
 
-def guess_file(path: Path) -> Guess:
+def _guess_file(path: Path) -> Guess:
     """(format, layout, people): layout None where only the number of points tells it; people: some
     who have a detected point. ValueError when the file cannot be read or used."""
     suffix = path.suffix.lower()
@@ -99,37 +72,39 @@ def _guess_json(path: Path) -> Guess:
         raise ValueError(
             f"{path}: is one frame of OpenPose's output; name the folder with all frames"
         )
-    entries = list_in(content)
-    by_picture = isinstance(entries, dict) and not set(LISTS) & set(entries)
+    entries = json_people.list_in(content)
+    by_picture = isinstance(entries, dict) and not set(json_people.LISTS) & set(entries)
     entries = list(entries.values()) if by_picture else entries
     entries = entries[:LOOKED_AT] if isinstance(entries, list) else []
     places = [f"{path}: [{n}]" for n in range(len(entries))]
-    kind = next((kind for entry in entries if (kind := kind_of(entry))), None)
+    kind = next((kind for entry in entries if (kind := _kind_of(entry))), None)
     if by_picture:
         kind = "pictures" if kind in ("openpose", "pictures") else None
     return _guess_entries(kind, entries, places)
 
 
-def kind_of(entry: Any) -> str | None:
+def _kind_of(entry: Any) -> str | None:
     """The format (of `FORMS`, or mediapipe, or sam3d_body) that a frame, or a person, is of."""
     fields: dict[str, Any] = entry if isinstance(entry, dict) else {}
-    people = people_of(entry)
+    people = json_people.people_of(entry)
     people = people if isinstance(people, list) else []
-    persons = [p for p in (fields, *people, *(people_in(entry) or ())) if isinstance(p, dict)]
+    persons = [
+        p for p in (fields, *people, *(json_people.people_in(entry) or ())) if isinstance(p, dict)
+    ]
     of_result = "image_id" in fields
     boxed = bool({"box", "idx"} & set(fields)) or isinstance(fields.get("image_id"), str)
     kinds = {
-        "mediapipe": is_landmarks(people) or any(map(is_landmarks, people)),
-        "ultralytics": any(map(is_person, people)),
+        "mediapipe": mediapipe.is_landmarks(people) or any(map(mediapipe.is_landmarks, people)),
+        "ultralytics": any(map(json_people.is_person, people)),
         "mmpose": "instances" in fields or any("keypoint_scores" in p for p in persons),
         "sam3d_body": any(POINTS_2D in p for p in persons),
-        "openpose": people_in(entry) is not None,
+        "openpose": json_people.people_in(entry) is not None,
         "easymocap": isinstance(fields.get("annots"), list),
         "pictures": isinstance(fields.get("bodies"), list),
         "alphapose": of_result and boxed,
         "coco": of_result,
     }
-    named = bool({*PICTURE, *WORLD} & set(fields))
+    named = bool({*mediapipe.PICTURE, *mediapipe.WORLD} & set(fields))
     return next((k for k, fits in kinds.items() if fits), "mediapipe" if named else None)
 
 
@@ -153,11 +128,11 @@ def _guess_entries(kind: str | None, entries: Sequence[Any], places: Sequence[st
     return "alphapose" if kind == "pictures" else kind, layout, people
 
 
-def guess_labels(files: Sequence[Path]) -> Guess:
+def _guess_labels(files: Sequence[Path]) -> Guess:
     """The same of some of Ultralytics' label files."""
-    for row, _ in (row for file in files for row in rows_of(file)):
+    for row, _ in (row for file in files for row in json_people.rows_of(file)):
         for count in (17, 26, 133):
-            person = points_in(row, count)
+            person = json_people.points_in(row, count)
             if person is not None:
                 return "ultralytics", None, [person]
     return None, None, []
@@ -183,7 +158,7 @@ def _guess_npz(path: Path) -> Guess:
         table = load_arrays(path)["keypoints"]
         count = table.shape[-2] if table.ndim in (3, 4) else 0
         return "npz", None, [np.ones((count, 3))] if count else []
-    if names & {*PICTURE, *WORLD}:
+    if names & {*mediapipe.PICTURE, *mediapipe.WORLD}:
         return "mediapipe", "mediapipe33", []
     return None, None, []
 
@@ -200,9 +175,9 @@ def _guess_npy(path: Path) -> Guess:
 
 def _guess_csv(path: Path) -> Guess:
     heading = read_csv(path)[0]
-    if (points := points_of_csv(path)) is not None:
+    if (points := mediapipe.points_of_csv(path)) is not None:
         return "npz", points[1], list(points[0]["keypoints"][:LOOKED_AT])
-    of_mediapipe = landmark_columns(heading) is not None
+    of_mediapipe = mediapipe.landmark_columns(heading) is not None
     return ("mediapipe", "mediapipe33", []) if of_mediapipe else (None, None, [])
 
 
@@ -249,21 +224,21 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
     if path.is_dir():
         kind, file_layout, people = _guess_folder(path)
     else:
-        kind, file_layout, people = guess_file(path)
+        kind, file_layout, people = _guess_file(path)
     if kind is None:
         raise ValueError(f"{path}: {OTHERS.get(path.suffix.lower(), UNKNOWN)}")
     if not (layout or file_layout or people or path.is_dir()):
         raise ValueError(
             f"{path}: the format is {kind}, but the file does not tell the layout; {TELL}"
         )
-    return kind, layout or file_layout or layout_of(path, people)
+    return kind, layout or file_layout or _layout_of(path, people)
 
 
 def _guess_folder(path: Path) -> Guess:
     files = frame_files(path)
     labels = frame_files(path, ".txt")
     if not files and labels:
-        return guess_labels(labels[:: max(1, len(labels) // LOOKED_AT)])
+        return _guess_labels(labels[:: max(1, len(labels) // LOOKED_AT)])
     if not files:
         inside = sorted(f.name for f in path.iterdir() if f.is_dir() and frame_files(f))
         raise ValueError(
@@ -272,8 +247,8 @@ def _guess_folder(path: Path) -> Guess:
         )
     step = max(1, len(files) // LOOKED_AT)
     contents = [read_json(file) for file in files[::step]]
-    nobody = [isinstance(c, list) and kind_of(c) is None for c in contents]
-    kinds = {kind_of(c) for c, empty in zip(contents, nobody, strict=True) if not empty}
+    nobody = [isinstance(c, list) and _kind_of(c) is None for c in contents]
+    kinds = {_kind_of(c) for c, empty in zip(contents, nobody, strict=True) if not empty}
     kind = kinds.pop() if len(kinds) == 1 else None
     if kind in ("ultralytics", "mediapipe", "sam3d_body"):
         raise ValueError(f"{path}: put the frames' lists into one JSON list, in their order")
@@ -285,7 +260,7 @@ def _guess_folder(path: Path) -> Guess:
     return _guess_entries(kind, contents, [str(file) for file in files[::step]])
 
 
-def layout_of(path: Path, people: Sequence[Person]) -> str:
+def _layout_of(path: Path, people: Sequence[Person]) -> str:
     """The layout of some people, by the number and the positions of their points.
 
     ValueError when none fits, or several do.
@@ -332,12 +307,12 @@ def _misfit(layout: str, people: Float[np.ndarray, "P K 3"]) -> float:
 
 
 READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
-    "openpose": partial(read_people, OPENPOSE),
-    "alphapose": read_alphapose,
-    "mmpose": read_mmpose,
-    "coco": read_coco,
-    "easymocap": partial(read_people, EASYMOCAP),
-    "ultralytics": read_ultralytics,
+    "openpose": partial(json_people.read_people, json_people.OPENPOSE),
+    "alphapose": json_people.read_alphapose,
+    "mmpose": json_people.read_mmpose,
+    "coco": json_people.read_coco,
+    "easymocap": partial(json_people.read_people, json_people.EASYMOCAP),
+    "ultralytics": json_people.read_ultralytics,
     "npz": read_keypoints_npz,
     "sam3d_body": read_sam3d_keypoints,
 }
@@ -374,7 +349,7 @@ def read_detections(
         ValueError: file, field, expected, got, what to do.
     """
     if kind == "mediapipe":
-        return read_mediapipe(path, layout, size)
+        return mediapipe.read_mediapipe(path, layout, size)
     if kind == "cpn_npz":
         return read_cpn_npz(path, layout, names)
     if kind not in READERS:

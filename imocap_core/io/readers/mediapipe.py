@@ -126,7 +126,7 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Land
     if path.suffix.lower() in TABLES:
         if names is WORLD:
             raise ValueError(f"{path}: expected JSON or npz with {WORLD[0]}, got a CSV")
-        for number, landmarks in landmarks_of_csv(path).items():
+        for number, landmarks in _landmarks_of_csv(path).items():
             yield number, [landmarks] if np.isfinite(landmarks[:, :2]).any() else []
         return
     content = read_json(path)
@@ -292,7 +292,7 @@ def _other_layout(cells: Sequence[tuple[str, int, int]]) -> tuple[str | None, di
     return layout, {names[n]: column for column, n in columns_of(names, layout).items()}
 
 
-def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
+def _landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
     """Frame -> x, y, z, visibility. ValueError names file, row, expected and got."""
     heading = read_csv(path)[0]
     columns = landmark_columns(heading)

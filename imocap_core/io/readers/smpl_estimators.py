@@ -42,56 +42,45 @@ from jaxtyping import Float, Int, Shaped
 from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
 from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
-from imocap_core.io.readers.estimates import (
-    JointsEstimate,
-    PerformerBoxes,
-    Track,
-    checked_rotations,
-    field,
-    fields_of,
-    frame_ids,
-    from_vectors,
-    of_tracks,
-    performer_of,
-    read_joints_npz,
-    read_sam3d_body,
-)
+from imocap_core.io.readers import estimates
 from imocap_core.io.readers.mediapipe import read_mediapipe_world
 from imocap_core.io.readers.people import frame_number, listed, type_name
 
 
-def read_vibe(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_vibe(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes; see `performer_of`."""
-    return performer_of(
-        path, performer, lambda person, n, where: field(person, "bboxes", (n, 4), where)[:, :2]
+    return estimates.performer_of(
+        path,
+        performer,
+        lambda person, n, where: estimates.field(person, "bboxes", (n, 4), where)[:, :2],
     )
 
 
-def read_wham(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_wham(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes; see `performer_of`."""
 
     def middle_px(person: dict[str, Any], count: int, where: str) -> Float[np.ndarray, "N 2"]:
-        trans = field(person, "trans", (count, 3), where)
+        trans = estimates.field(person, "trans", (count, 3), where)
         focal_px = float(np.hypot(*performer.size))
         depth = np.where(trans[:, 2:] > 0, trans[:, 2:], np.nan)
         return np.asarray(focal_px * trans[:, :2] / depth + 0.5 * np.array(performer.size))
 
-    return performer_of(path, performer, middle_px)
+    return estimates.performer_of(path, performer, middle_px)
 
 
-def read_hmmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_hmmr(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The joint rotations in camera axes. ValueError names file and field."""
-    poses = field(read_results(path), "poses", ("N", JOINTS, 3, 3), str(path))
+    poses = estimates.field(read_results(path), "poses", ("N", JOINTS, 3, 3), str(path))
     rows = rows_for_frames({}, len(poses), performer.frames, path)
-    return checked_rotations(poses[rows], f"{path}: poses")
+    return estimates.checked_rotations(poses[rows], f"{path}: poses")
 
 
 GVHMR, GEM = "smpl_params_incam", "body_params_incam"
 SMPL_BODY = 63
 
 
-def read_one_person(
-    path: Path, performer: PerformerBoxes, group: str
+def _read_one_person(
+    path: Path, performer: estimates.PerformerBoxes, group: str
 ) -> Float[np.ndarray, "T 24 3 3"]:
     """The joint rotations in camera axes. ValueError names file and field."""
     content = read_results(path)
@@ -99,18 +88,18 @@ def read_one_person(
         got = ", ".join(map(str, content)) if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary with {group}, got {got:.80}")
     where = f"{path}: {group}"
-    body = field(content[group], "body_pose", ("N", "D"), where)
+    body = estimates.field(content[group], "body_pose", ("N", "D"), where)
     if body.shape[1] != SMPL_BODY:
         raise ValueError(
             f"{where}: body_pose: expected (N, {SMPL_BODY}) of SMPL, got {body.shape}; of another "
             "body model give joints (joints_npz)"
         )
-    root = field(content[group], "global_orient", (len(body), 3), where)
+    root = estimates.field(content[group], "global_orient", (len(body), 3), where)
     rows = rows_for_frames({}, len(body), performer.frames, path)
-    return from_vectors(np.concatenate([root, body], axis=1)[rows])
+    return estimates.from_vectors(np.concatenate([root, body], axis=1)[rows])
 
 
-def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_tram(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes, NaN where missing.
 
     ValueError names file, field, expected and got.
@@ -118,15 +107,15 @@ def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 
     files = sorted(path.glob("hps_track_*.npy")) if path.is_dir() else [path]
     if not files:
         raise ValueError(f"{path}: expected hps_track_0.npy and so on in the folder, found none")
-    tracks: list[Track] = []
+    tracks: list[estimates.Track] = []
     for file in files:
         content = read_results(file)
-        rotations = field(content, "pred_rotmat", ("N", JOINTS, 3, 3), str(file))
-        given = field(content, "frame", (len(rotations),), str(file))
-        frames = frame_ids(given, f"{file}: frame")
-        poses = checked_rotations(rotations, f"{file}: pred_rotmat")
+        rotations = estimates.field(content, "pred_rotmat", ("N", JOINTS, 3, 3), str(file))
+        given = estimates.field(content, "frame", (len(rotations),), str(file))
+        frames = estimates.frame_ids(given, f"{file}: frame")
+        poses = estimates.checked_rotations(rotations, f"{file}: pred_rotmat")
         tracks.append((frames, _middle(content, len(rotations)), poses))
-    return of_tracks(tracks, performer, path)
+    return estimates.of_tracks(tracks, performer, path)
 
 
 def _middle(content: Any, count: int) -> Float[np.ndarray, "N 2"] | None:
@@ -149,33 +138,35 @@ SMPLX = 165
 IN_CAMERA = "smplx_cam"
 
 
-def read_prompthmr(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_prompthmr(
+    path: Path, performer: estimates.PerformerBoxes
+) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes, NaN where missing.
 
     ValueError names file, person, field, expected and got.
     """
     content = read_results(path)
     people = content.get("people") if isinstance(content, dict) else content
-    tracks: list[Track] = []
-    for name, person in fields_of(people, path, "of people").items():
+    tracks: list[estimates.Track] = []
+    for name, person in estimates.fields_of(people, path, "of people").items():
         where = f"{path}: people {name}"
         held = person if isinstance(person, dict) else {}
-        pose = field(held.get(IN_CAMERA), "pose", ("N", SMPLX), f"{where}: {IN_CAMERA}")
-        boxes = field(person, "bboxes", (len(pose), "4 or more"), where)
+        pose = estimates.field(held.get(IN_CAMERA), "pose", ("N", SMPLX), f"{where}: {IN_CAMERA}")
+        boxes = estimates.field(person, "bboxes", (len(pose), "4 or more"), where)
         if boxes.shape[1] < 4:
             raise ValueError(f"{where}: bboxes: expected x0, y0, x1, y1, got {boxes.shape}")
-        frames = frame_ids(field(person, "frames", (len(pose),), where), where)
+        frames = estimates.frame_ids(estimates.field(person, "frames", (len(pose),), where), where)
         middles = 0.5 * (boxes[:, :2] + boxes[:, 2:4])
-        tracks.append((frames, middles, from_vectors(pose[:, :BODY])))
-    return of_tracks(tracks, performer, path)
+        tracks.append((frames, middles, estimates.from_vectors(pose[:, :BODY])))
+    return estimates.of_tracks(tracks, performer, path)
 
 
-def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+def _read_phalp(path: Path, performer: estimates.PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
     """The performer's joint rotations in camera axes, NaN where missing.
 
     ValueError names file, frame, field, expected and got.
     """
-    content = fields_of(read_results(path), path, "with one entry per frame")
+    content = estimates.fields_of(read_results(path), path, "with one entry per frame")
     frames, middle, poses = [], [], []
     for n, name in enumerate(sorted(content)):
         where, entry = f"{path}: {name}", content[name]
@@ -191,19 +182,19 @@ def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24
         for i, person in enumerate(people):
             if i < len(since) and since[i] != 0:
                 continue
-            box = field({"bbox": boxes[i]}, "bbox", (4,), f"{where}: person {i}")
+            box = estimates.field({"bbox": boxes[i]}, "bbox", (4,), f"{where}: person {i}")
             frames.append(frame)
             middle.append(box[:2] + 0.5 * box[2:])
             poses.append(_rotations(person, f"{where}: person {i}"))
     if not poses:
         raise ValueError(f"{path}: expected at least one person, got none; track the video again")
-    rotations = checked_rotations(np.stack(poses), f"{path}: smpl")
-    return of_tracks([(np.array(frames), np.array(middle), rotations)], performer, path)
+    rotations = estimates.checked_rotations(np.stack(poses), f"{path}: smpl")
+    return estimates.of_tracks([(np.array(frames), np.array(middle), rotations)], performer, path)
 
 
 def _rotations(person: Any, where: str) -> Float[np.ndarray, "24 3 3"]:
-    root = field(person, "global_orient", (1, 3, 3), where)
-    body = field(person, "body_pose", (JOINTS - 1, 3, 3), where)
+    root = estimates.field(person, "global_orient", (1, 3, 3), where)
+    body = estimates.field(person, "body_pose", (JOINTS - 1, 3, 3), where)
     return np.concatenate([root, body])
 
 
@@ -270,20 +261,20 @@ def _betas(arrays: dict[str, Shaped[np.ndarray, "..."]], path: Path) -> Float[np
 
 
 # Joint rotations in camera axes, NaN where there is no estimate.
-ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
-    "hmr2": read_phalp,
-    "tokenhmr": read_phalp,
-    "wham": read_wham,
-    "gvhmr": partial(read_one_person, group=GVHMR),
-    "gem": partial(read_one_person, group=GEM),
-    "prompthmr": read_prompthmr,
-    "vibe": read_vibe,
-    "hmmr": read_hmmr,
-    "tram": read_tram,
+ROTATIONS: dict[str, Callable[[Path, estimates.PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
+    "hmr2": _read_phalp,
+    "tokenhmr": _read_phalp,
+    "wham": _read_wham,
+    "gvhmr": partial(_read_one_person, group=GVHMR),
+    "gem": partial(_read_one_person, group=GEM),
+    "prompthmr": _read_prompthmr,
+    "vibe": _read_vibe,
+    "hmmr": _read_hmmr,
+    "tram": _read_tram,
 }
 # Joints (T, J, 3) metres in camera axes.
-JOINT_READERS: dict[str, Callable[[Path, PerformerBoxes], JointsEstimate]] = {
-    "joints_npz": lambda path, performer: read_joints_npz(path, performer.frames),
-    "sam3d_body": read_sam3d_body,
+JOINT_READERS: dict[str, Callable[[Path, estimates.PerformerBoxes], estimates.JointsEstimate]] = {
+    "joints_npz": lambda path, performer: estimates.read_joints_npz(path, performer.frames),
+    "sam3d_body": estimates.read_sam3d_body,
     "mediapipe_world": read_mediapipe_world,
 }

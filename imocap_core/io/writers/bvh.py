@@ -113,7 +113,7 @@ def as_lafan1(clip: MotionClip) -> MotionClip:
 
     The world must have y up.
     """
-    turned = with_rest(clip, np.swapaxes(joint_axes(clip), -1, -2))
+    turned = with_rest(clip, np.swapaxes(_joint_axes(clip), -1, -2))
     chosen = [clip.joint_names.index(joint) for joint in LAFAN1_JOINTS.values()]
     place = {joint: n for n, joint in enumerate(chosen)}
     offsets = turned.offsets
@@ -132,7 +132,7 @@ def as_lafan1(clip: MotionClip) -> MotionClip:
     return at_rate(subset, FPS)
 
 
-def joint_axes(clip: MotionClip) -> Float[np.ndarray, "J 3 3"]:
+def _joint_axes(clip: MotionClip) -> Float[np.ndarray, "J 3 3"]:
     """Columns: LAFAN1's axes of every joint, in the body's axes at our rest pose."""
     axes = np.tile(_frame(BODY_UP, BODY_LEFT), (len(clip.parents), 1, 1))
     for side, sign in (("left", 1.0), ("right", -1.0)):

@@ -33,7 +33,7 @@ class Group:
     parameters: Mapping[str, Value]
 
 
-def parameter_section(groups: Mapping[str, Group]) -> bytes:
+def _parameter_section(groups: Mapping[str, Group]) -> bytes:
     """All groups as whole blocks of 512 bytes; ValueError where they need more than 255."""
     records = b""
     for number, (name, group) in enumerate(groups.items(), start=1):
@@ -47,7 +47,7 @@ def parameter_section(groups: Mapping[str, Group]) -> bytes:
     return (bytes([1, 80, count, INTEL]) + records).ljust(count * BLOCK, b"\0")
 
 
-def long_list(name: str, texts: Sequence[str]) -> dict[str, Value]:
+def _long_list(name: str, texts: Sequence[str]) -> dict[str, Value]:
     """A list of texts as one parameter for every 255 of them: NAME, NAME2, NAME3."""
     parts = [texts[first : first + MOST] for first in range(0, len(texts), MOST)] or [texts]
     return {name + (str(k) if k > 1 else ""): part for k, part in enumerate(parts, start=1)}
@@ -135,9 +135,11 @@ class C3dTrial:
 def c3d_bytes(trial: C3dTrial) -> bytes:
     """The content of a trial's file: header, parameters, points. ValueError where its labels need
     more than C3D's parameters hold."""
-    blocks = len(parameter_section(_groups(trial, 2))) // BLOCK
+    blocks = len(_parameter_section(_groups(trial, 2))) // BLOCK
     data_start = 2 + blocks
-    return _header(trial, data_start) + parameter_section(_groups(trial, data_start)) + _data(trial)
+    return (
+        _header(trial, data_start) + _parameter_section(_groups(trial, data_start)) + _data(trial)
+    )
 
 
 def _header(trial: C3dTrial, data_start: int) -> bytes:
@@ -160,8 +162,8 @@ def _groups(trial: C3dTrial, data_start: int) -> dict[str, Group]:
         "RATE": float(trial.fps),
         "DATA_START": data_start,
         "FRAMES": min(trial.frames, HEADER_END),
-        **long_list("LABELS", labels),
-        **long_list("DESCRIPTIONS", [trial.descriptions.get(label, "") for label in labels]),
+        **_long_list("LABELS", labels),
+        **_long_list("DESCRIPTIONS", [trial.descriptions.get(label, "") for label in labels]),
         "UNITS": "mm",
         "X_SCREEN": right,
         "Y_SCREEN": up,

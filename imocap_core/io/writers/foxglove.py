@@ -42,7 +42,7 @@ BONE_PX, POINT_PX = 3.0, 4.0
 SECOND = 1_000_000_000  # nanoseconds
 
 
-def camera_frame(video: str) -> str:
+def _camera_frame(video: str) -> str:
     """Name of a video's camera frame."""
     return f"{video}_camera"
 
@@ -57,7 +57,7 @@ def transform(
     return FrameTransform(
         timestamp=_stamp(time_ns),
         parent_frame_id=WORLD,
-        child_frame_id=camera_frame(video),
+        child_frame_id=_camera_frame(video),
         translation=_vector(centre),
         rotation=_quaternion(R_cam_from_world.T),
     )
@@ -74,7 +74,7 @@ def calibration(
     P = np.concatenate([K, np.zeros((3, 1))], axis=1)
     return CameraCalibration(
         timestamp=_stamp(time_ns),
-        frame_id=camera_frame(video),
+        frame_id=_camera_frame(video),
         width=size[0],
         height=size[1],
         distortion_model="plumb_bob",
@@ -88,7 +88,7 @@ def calibration(
 def image(time_ns: int, video: str, jpeg: bytes) -> CompressedImage:
     """The JPEG picture of one frame."""
     return CompressedImage(
-        timestamp=_stamp(time_ns), frame_id=camera_frame(video), data=jpeg, format="jpeg"
+        timestamp=_stamp(time_ns), frame_id=_camera_frame(video), data=jpeg, format="jpeg"
     )
 
 
@@ -190,7 +190,7 @@ def write_view(file: Path, entries: Iterable[Entry], notes: Mapping[str, str]) -
         for one in sorted(entries):
             if one.schema not in schemas:
                 schemas[one.schema] = writer.register_schema(
-                    name=one.schema, encoding="protobuf", data=schema_bytes(one.schema)
+                    name=one.schema, encoding="protobuf", data=_schema_bytes(one.schema)
                 )
             key = (one.topic, one.schema)
             if key not in channels:
@@ -203,7 +203,7 @@ def write_view(file: Path, entries: Iterable[Entry], notes: Mapping[str, str]) -
         writer.finish()
 
 
-def schema_bytes(schema: str) -> bytes:
+def _schema_bytes(schema: str) -> bytes:
     """A message's schema as MCAP stores it: a serialized FileDescriptorSet, imports first."""
     message = descriptor_pool.Default().FindMessageTypeByName(schema)
     files: dict[str, FileDescriptorProto] = {}

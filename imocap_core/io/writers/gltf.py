@@ -142,7 +142,7 @@ class Numbers:
         return len(self.accessors) - 1
 
 
-def glb_bytes(tree: Mapping[str, Any], numbers: Numbers) -> bytes:
+def _glb_bytes(tree: Mapping[str, Any], numbers: Numbers) -> bytes:
     """The file: a header, the JSON chunk, the binary chunk, each padded to four bytes."""
     block = bytes(numbers.data) + bytes(-len(numbers.data) % 4)
     whole = dict(tree)
@@ -195,7 +195,7 @@ def scene_bytes(actors: Sequence[Actor], notes: Mapping[str, Any]) -> bytes:
         _add_camera(tree, animation, actor.camera)
         animations.append((actor.clip.id, animation.tree))
     tree["animations"] = _animations(animations)
-    return glb_bytes(tree, numbers)
+    return _glb_bytes(tree, numbers)
 
 
 def quaternions(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 4"]:

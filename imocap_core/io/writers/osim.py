@@ -42,17 +42,17 @@ def write_osim(
     for link in links.values():
         _joints(bodies, joints, link)
         _body(bodies, link.segment, masses[link.segment])
-    add_markers(model, markers)
-    write_document(file, document)
+    _add_markers(model, markers)
+    _write_document(file, document)
 
 
-def write_document(file: Path, document: Element) -> None:
+def _write_document(file: Path, document: Element) -> None:
     """Write an OpenSim document with its declaration, indented."""
     indent(document)
     ElementTree(document).write(file, encoding="UTF-8", xml_declaration=True)
 
 
-def add_markers(parent: Element, markers: Mapping[str, Place]) -> None:
+def _add_markers(parent: Element, markers: Mapping[str, Place]) -> None:
     """A set of markers, by name the body that each is on and its place in its axes."""
     objects = _objects(parent, "MarkerSet")
     for name, (segment, place) in markers.items():
@@ -186,7 +186,7 @@ def write_ik_setup(
     objects = SubElement(SubElement(tool, "IKTaskSet"), "objects")
     for marker in markers:
         _add(objects, "IKMarkerTask", marker, {"apply": "true", "weight": "1"})
-    write_document(file, document)
+    _write_document(file, document)
 
 
 def write_mot(
@@ -249,8 +249,8 @@ def write_generic_markers(folder: Path) -> Path:
         for side, letter in SIDES.items()
         for centre, body in BODY_OF_CENTRE.items()
     }
-    add_markers(document, places)
-    write_document(folder / MARKERS, document)
+    _add_markers(document, places)
+    _write_document(folder / MARKERS, document)
     return folder / MARKERS
 
 
@@ -275,7 +275,7 @@ def write_generic_setups(folder: Path, name: str, mass_kg: float, last_s: float)
     }.items():
         SubElement(scaler, key).text = value
     _add(tool, "MarkerPlacer", "", {"apply": "false"})
-    write_document(scale, document)
+    _write_document(scale, document)
     setup = folder / f"{name}_generic_ik.xml"
     write_ik_setup(setup, scaled, generic_markers(), last_s, trc=f"{name}.trc")
     return [scale, setup]

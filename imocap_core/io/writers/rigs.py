@@ -56,7 +56,7 @@ def as_rig(clip: MotionClip, name: str) -> MotionClip:
     if name not in RIGS:
         return clip
     rig = RIGS[name]
-    posed = with_rest(clip, arms_down(clip, rig.arms_down_deg)) if rig.arms_down_deg else clip
+    posed = with_rest(clip, _arms_down(clip, rig.arms_down_deg)) if rig.arms_down_deg else clip
     return replace(posed, joint_names=tuple(map(rig.name, clip.joint_names)))
 
 
@@ -65,7 +65,7 @@ def skin_as_rig(skin: Skin, clip: MotionClip, name: str) -> Skin:
     down = RIGS[name].arms_down_deg if name in RIGS else 0.0
     if not down:
         return skin
-    C = arms_down(clip, down)
+    C = _arms_down(clip, down)
     rest = with_rest(clip, C).rest
     turned = np.einsum(
         "vkij,vkj->vki", C[skin.joints], skin.vertices[:, None] - clip.rest[skin.joints]
@@ -74,7 +74,7 @@ def skin_as_rig(skin: Skin, clip: MotionClip, name: str) -> Skin:
     return replace(skin, vertices=vertices)
 
 
-def arms_down(clip: MotionClip, angle_deg: float) -> Float[np.ndarray, "J 3 3"]:
+def _arms_down(clip: MotionClip, angle_deg: float) -> Float[np.ndarray, "J 3 3"]:
     """Rotations of all joints from the T pose to one whose arms hang down by an angle."""
     C = np.tile(np.eye(3), (len(clip.parents), 1, 1))
     angle = np.radians(angle_deg)

@@ -1,1 +1,0 @@
-"""`imocap benchmark ablations`: what each part of the method is worth."""

@@ -1,1 +1,0 @@
-"""`imocap benchmark body` and `bones`: speed and fit of the body model."""

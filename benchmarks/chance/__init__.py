@@ -1,1 +1,0 @@
-"""`imocap benchmark chance`: what compare's permutation test finds between sets of performances."""

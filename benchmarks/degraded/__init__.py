@@ -1,1 +1,0 @@
-"""`imocap benchmark degraded`: the whole pipeline on degraded real footage."""

@@ -1,1 +1,0 @@
-"""`imocap benchmark detector`: the default detector on plain and on degraded footage."""

@@ -1,1 +1,0 @@
-"""`imocap benchmark event`: cameras calibrated from a performer whom they all film at once."""

@@ -1,1 +1,0 @@
-"""Real clips of exercises and throws, scored by what a person sees in them."""

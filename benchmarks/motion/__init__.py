@@ -1,1 +1,0 @@
-"""`imocap benchmark protocol`, `trials`, `yoga`, `h36m`: how good the motion is."""

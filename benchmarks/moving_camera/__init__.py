@@ -1,1 +1,0 @@
-"""Cameras that move from their place: told from tripods, and followed."""

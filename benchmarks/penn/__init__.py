@@ -1,1 +1,0 @@
-"""Real clips with hand-made labels (Penn Action): evaluation alone."""

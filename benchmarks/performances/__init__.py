@@ -1,1 +1,0 @@
-"""`imocap benchmark performances`: one action by 2, 4, 8, ... performances, and how they differ."""

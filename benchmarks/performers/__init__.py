@@ -1,1 +1,0 @@
-"""`imocap benchmark performers`: one action by two performers, each with a body of its own."""

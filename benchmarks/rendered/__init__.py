@@ -1,1 +1,0 @@
-"""`imocap benchmark rendered`: from pixels to motion with a real detector."""

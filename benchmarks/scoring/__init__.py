@@ -1,1 +1,0 @@
-"""The numbers of one action: its results, the oracle's, and what they cost."""

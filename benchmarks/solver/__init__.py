@@ -1,1 +1,0 @@
-"""`imocap benchmark solver`: the speed of the solver, and its rivals."""

@@ -1,1 +1,0 @@
-"""`imocap benchmark speed` (`make bench`): each fast part beside a named alternative."""

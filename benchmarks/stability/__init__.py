@@ -1,1 +1,0 @@
-"""`imocap benchmark stability`: whether harmless changes of an action move its result."""

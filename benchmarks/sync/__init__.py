@@ -1,1 +1,0 @@
-"""`imocap benchmark sync`: synchronisation alone."""

@@ -1,1 +1,0 @@
-"""`imocap benchmark wrong_start`: one view's monocular fit is started wrong on purpose."""
