@@ -259,9 +259,9 @@ def followed_video(
     frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
     survey = None if video is None else survey_video(video, frames, size, fps)
     if survey is not None and not every_shot:
-        at = None if declared.person is None else declared.person.frame
+        holding = None if declared.person is None else declared.person.frame
         counts = [len(people) for people in detected.people.people]
-        inside = tracked_people.longest_shot(survey.cuts, frames, counts, at)
+        inside = tracked_people.longest_shot(survey.cuts, frames, counts, holding)
         detected, survey = _inside(detected, survey, *inside)
         frames = detected.people.frames
     people = tracked_people.track_people(detected.people, video, params)
