@@ -6,12 +6,14 @@ Every stage runs under the same settings, so results depend neither on the comma
 on the machine's cores: large products are rounded differently on two threads.
 
 Freed memory is reused: glibc returns megabytes to the system, which zeroes each page it gives back,
-a tenth of a fit's processor time.
+a tenth of a fit's processor time. Python looks for garbage less often: modules make many objects,
+which all stay, and each search visits all of PyTorch's.
 """
 
 from __future__ import annotations
 
 import ctypes
+import gc
 import mmap
 import re
 import signal
@@ -27,11 +29,13 @@ from imocap_core.errors import Stopped, WrongUse
 STATM, LARGE_BYTES = Path("/proc/self/statm"), 800e6
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # mallopt(3)
 NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc takes
+NEW_OBJECTS = 100_000  # before garbage is looked for
 
 
 def configure_process() -> None:
-    """One thread for linear algebra and pictures, freed memory reused: for this process and all its
-    threads."""
+    """One thread for linear algebra and pictures, freed memory reused, garbage collected rarely: for
+    this process and all its threads."""
+    gc.set_threshold(NEW_OBJECTS)
     import cv2
     import scipy.linalg  # noqa: F401  (only libraries that are loaded can be limited)
     import torch
