@@ -33,7 +33,7 @@ NEW_OBJECTS = 100_000  # before garbage is looked for
 
 
 def configure_process() -> None:
-    """One thread for linear algebra and pictures, freed memory reused, garbage collected rarely: for
+    """One thread for linear algebra and pictures, freed memory reused, garbage rarely looked for:
     this process and all its threads."""
     gc.set_threshold(NEW_OBJECTS)
     import cv2
