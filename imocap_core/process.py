@@ -29,13 +29,12 @@ from imocap_core.errors import Stopped, WrongUse
 STATM, LARGE_BYTES = Path("/proc/self/statm"), 800e6
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # mallopt(3)
 NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc takes
-NEW_OBJECTS = 100_000  # before garbage is looked for
 
 
 def configure_process() -> None:
     """One thread for linear algebra and pictures, freed memory reused, garbage rarely looked for:
     this process and all its threads."""
-    gc.set_threshold(NEW_OBJECTS)
+    gc.set_threshold(100_000)  # new objects
     import cv2
     import scipy.linalg  # noqa: F401  (only libraries that are loaded can be limited)
     import torch

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.adapters.monocular import SingleVideo, fit_single_video
+from imocap_core.adapters.monocular import SingleVideo, fit_single_video, pose_libraries
 from imocap_core.artifacts.codec import pack
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.body import load_free_body
@@ -93,8 +93,9 @@ def test_a_single_video_is_lifted_and_fitted_on_the_device_of_its_prior(made, un
     single = SingleVideo.of(made.keypoints.videos[0], made.camera_motion.videos[0], None)
 
     def fitted(device: str) -> Artifact:
-        prior, rng = load_pose_prior(device), np.random.default_rng(5)
-        return fit_single_video(single, prior, rng, QUICK.fit, QUICK.initial_smpl, alone=True)
+        prior, options = load_pose_prior(device), QUICK.initial_smpl
+        libraries = pose_libraries(prior, lambda: np.random.default_rng(5), options)
+        return fit_single_video(single, prior, libraries, QUICK.fit, options, alone=True)
 
     here = fitted("cpu")
     with pretended_cuda():
