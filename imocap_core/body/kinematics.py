@@ -22,6 +22,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.workers import compiled
 
 Landmark = tuple[tuple[int, float], ...]  # (vertex, weight) pairs whose weights sum to 1
 
@@ -111,6 +112,12 @@ def ancestors(parents: Sequence[int]) -> Float[Tensor, "J J"]:
     return table
 
 
+def for_processor(values: Tensor) -> bool:
+    """Whether LAPACK and compiled loops take them: on a processor, in double precision, and nothing
+    asks for derivatives."""
+    return not (values.is_cuda or values.requires_grad) and values.dtype == torch.float64
+
+
 def world_rotations(
     R_local: Float[Tensor, "... J 3 3"], parents: tuple[int, ...]
 ) -> Float[Tensor, "... J 3 3"]:
@@ -118,6 +125,11 @@ def world_rotations(
     levels = tree_levels(parents)
     if len(levels) == 1:
         return R_local
+    if for_processor(R_local):
+        rows = R_local.reshape(-1, len(parents), 3, 3).contiguous()
+        R_world = torch.empty_like(rows)
+        _compose(rows.numpy(), R_world.numpy(), np.array(parents))
+        return R_world.view(R_local.shape)
     blocks = [R_local[..., :1, :, :]]
     place = {0: 0}  # joint -> its position within the level it belongs to
     for level in levels[1:]:
@@ -127,6 +139,19 @@ def world_rotations(
     order = [j for level in levels for j in level]
     inverse = [order.index(j) for j in range(len(parents))]
     return torch.cat(blocks, dim=-3)[..., inverse, :, :]
+
+
+@compiled
+def _compose(R_local, R_world, parents):  # type: ignore[no-untyped-def]
+    """`world_rotations` of T poses (T, J, 3, 3), in place."""
+    for t in range(len(R_local)):
+        R_world[t, 0] = R_local[t, 0]
+        for j in range(1, len(parents)):
+            above, local, world = R_world[t, parents[j]], R_local[t, j], R_world[t, j]
+            for i in range(3):
+                x, y, z = above[i]
+                for k in range(3):
+                    world[i, k] = x * local[0, k] + y * local[1, k] + z * local[2, k]
 
 
 def joint_positions(

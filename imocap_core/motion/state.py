@@ -23,11 +23,11 @@ from imocap_core.body import (
     Posed,
     all_joints,
     join_points,
+    kinematics,
     pick_points,
     points_with_blocks,
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.motion import normal
 from imocap_core.rotations import exp, log
 from imocap_core.workers import compiled
 
@@ -206,7 +206,7 @@ class MotionState:
 
 def logarithms(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
     """Rotations as vectors, radians: `rotations.log`, on a processor in one loop."""
-    if not normal.for_processor(R) or R.requires_grad:
+    if not kinematics.for_processor(R):
         return log(R)
     vectors = R.new_empty(R.shape[:-1])
     _logarithms(R.reshape(-1, 9).numpy(), vectors.view(-1, 3).numpy())
@@ -288,7 +288,7 @@ class MovedPoints:
             target: of all unknowns of a frame, or of the pose alone.
         """
         moves = target.shape[-1] == FRAME_UNKNOWNS
-        if not normal.for_processor(target):
+        if not kinematics.for_processor(target):
             left, right = (x.by_frame(moves) for x in (self, later))
             target += left.flatten(2, 3).mT @ (metric @ right).flatten(2, 3)
             return
@@ -298,7 +298,7 @@ class MovedPoints:
 
     def pulled(self, values: Float[Tensor, "B T K 3 m"]) -> Float[Tensor, "B T 75 m"]:
         """``J^T values``."""
-        if not normal.for_processor(values):
+        if not kinematics.for_processor(values):
             return self.by_frame(True).flatten(2, 3).mT @ values.flatten(2, 3)
         sums = values.new_zeros(*values.shape[:2], FRAME_UNKNOWNS, values.shape[-1])
         for motion in zip(*(x.numpy() for x in (sums, self.blocks, values)), strict=True):

@@ -14,7 +14,7 @@ import torch
 from imocap_core.adapters.monocular import SingleVideo, fit_single_video, pose_libraries
 from imocap_core.artifacts.codec import pack
 from imocap_core.artifacts.schemas.base import Artifact
-from imocap_core.body import load_free_body
+from imocap_core.body import kinematics, load_free_body, model
 from imocap_core.evaluate.scoreboard import posed_body
 from imocap_core.evaluate.whole_body_scores import measure_surfaces, surface_edges
 from imocap_core.motion import normal
@@ -61,7 +61,7 @@ def given(made: Made) -> Given:
 
 @pytest.fixture(autouse=True)
 def the_card_s_elimination_as_lapack_rounds_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (normal, body_priors, smoothness):
+    for module in (kinematics, model, normal, body_priors, smoothness):
         monkeypatch.setattr(module, "for_processor", lambda values: False)
 
 

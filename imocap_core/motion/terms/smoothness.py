@@ -18,8 +18,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.body.kinematics import for_processor
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.normal import NormalEquations, for_processor
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.state import POSE, Body, MotionState, logarithms
 from imocap_core.motion.terms.base import OneForAll, isotropic, padded, pairs, triples
 from imocap_core.robust import cauchy
