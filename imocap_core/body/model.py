@@ -26,16 +26,11 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core import rotations as so3
-from imocap_core.body.kinematics import (
-    Landmark,
-    check_tree,
-    for_processor,
-    joint_positions,
-    world_rotations,
-)
+from imocap_core.body.kinematics import Landmark, check_tree, joint_positions, world_rotations
 from imocap_core.body.layouts import layout_points
 from imocap_core.body.points import PointSet, place_points, rows_of, skin, turn, weighted_rest
 from imocap_core.conventions import SMPLH_JOINTS
+from imocap_core.rotations import for_processor
 from imocap_core.workers import compiled
 
 

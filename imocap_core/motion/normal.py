@@ -28,7 +28,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.body.kinematics import for_processor
+from imocap_core.rotations import for_processor
 from imocap_core.workers import compiled
 
 
