@@ -6,12 +6,14 @@ Every stage runs under the same settings, so results depend neither on the comma
 on the machine's cores: large products are rounded differently on two threads.
 
 Freed memory is reused: glibc returns megabytes to the system, which zeroes each page it gives back,
-a tenth of a fit's processor time.
+a tenth of a fit's processor time. Python looks for garbage less often: modules make many objects,
+which all stay, and each search visits all of PyTorch's.
 """
 
 from __future__ import annotations
 
 import ctypes
+import gc
 import mmap
 import re
 import signal
@@ -30,8 +32,9 @@ NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc 
 
 
 def configure_process() -> None:
-    """One thread for linear algebra and pictures, freed memory reused: for this process and all its
-    threads."""
+    """One thread for linear algebra and pictures, freed memory reused, garbage rarely looked for:
+    this process and all its threads."""
+    gc.set_threshold(100_000)  # new objects
     import cv2
     import scipy.linalg  # noqa: F401  (only libraries that are loaded can be limited)
     import torch

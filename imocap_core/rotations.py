@@ -8,12 +8,22 @@ Computations use 3x3 matrices. Axis-angle vectors (radians), unit quaternions (w
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.workers import compiled
+
 _SMALL_RAD2 = 1e-4  # below this squared angle, series are exact to round-off and never divide by 0
+
+
+def for_processor(values: Tensor) -> bool:
+    """Whether LAPACK and compiled loops take them: on a processor, in double precision, and nothing
+    asks for derivatives."""
+    return not (values.is_cuda or values.requires_grad) and values.dtype == torch.float64
 
 
 def hat(vector: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
@@ -29,6 +39,8 @@ def exp(axis_angle: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
 
     Values and first derivatives are exact at zero too (series below 0.01 rad).
     """
+    if for_processor(axis_angle):
+        return _of_vectors(_exponentials, axis_angle)
     angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
     small = angle2 < _SMALL_RAD2
     safe2 = torch.where(small, torch.ones_like(angle2), angle2)
@@ -44,13 +56,94 @@ def exp(axis_angle: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
     return identity + sine * hat(axis_angle) + cosine * (outer - angle2 * identity)
 
 
+def _of_vectors(loop: Callable[..., None], vectors: Tensor) -> Tensor:
+    """Matrices (..., 3, 3) of vectors (..., 3) by a compiled loop."""
+    rows = vectors.reshape(-1, 3).contiguous()
+    matrices = rows.new_empty(len(rows), 3, 3)
+    loop(rows.numpy(), matrices.numpy())
+    return matrices.view(*vectors.shape, 3)
+
+
+@compiled
+def _exponentials(vectors, R):  # type: ignore[no-untyped-def]
+    """`exp` in place."""
+    for i in range(len(vectors)):
+        fill_rotation(vectors[i, 0], vectors[i, 1], vectors[i, 2], R[i])
+
+
+@compiled
+def fill_rotation(x, y, z, R):  # type: ignore[no-untyped-def]
+    """In compiled loops: the rotation R of a vector, in place."""
+    square = x * x + y * y + z * z
+    if square < _SMALL_RAD2:
+        sine = 1 - square / 6 + square**2 / 120
+        cosine = 0.5 - square / 24 + square**2 / 720
+    else:
+        angle = np.sqrt(square)
+        sine, cosine = np.sin(angle) / angle, 2 * np.sin(angle / 2) ** 2 / square
+    _fill(x, y, z, sine, cosine, R)
+
+
+@compiled
+def _inverse_jacobians(vectors, J):  # type: ignore[no-untyped-def]
+    """`inverse_right_jacobian` in place."""
+    for i in range(len(vectors)):
+        x, y, z = vectors[i]
+        square = x * x + y * y + z * z
+        if square < _SMALL_RAD2:
+            second = 1 / 12 + square / 720
+        else:
+            half = np.sqrt(square) / 2
+            second = (1 - half / np.tan(half)) / square
+        _fill(x, y, z, 0.5, second, J[i])
+
+
+@compiled
+def _fill(x, y, z, a, b, M):  # type: ignore[no-untyped-def]
+    """``1 + a C + b C C`` with the vector's cross-product matrix C."""
+    M[0] = 1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
+    M[1] = b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x
+    M[2] = b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)
+
+
 def log(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 3"]:
     """Logarithm map: rotation matrices to axis-angle vectors, radians, of angle at most pi.
 
     Computed by the quaternion, so it is accurate near 0 and near pi alike. At exactly pi the
     axis' sign is arbitrary: use `nearest_branch` to follow a path.
     """
-    return quaternion_to_axis_angle(matrix_to_quaternion(rotation))
+    if not for_processor(rotation):
+        return quaternion_to_axis_angle(matrix_to_quaternion(rotation))
+    vectors = rotation.new_empty(rotation.shape[:-1])
+    _logarithms(rotation.reshape(-1, 9).contiguous().numpy(), vectors.view(-1, 3).numpy())
+    return vectors
+
+
+@compiled
+def _logarithms(R, vectors):  # type: ignore[no-untyped-def]
+    """By quaternions: of four formulas the one that divides by the largest component."""
+    q = np.empty(4)
+    for i in range(len(R)):
+        a, b, c, d, e, f, g, h, k = R[i]
+        squares = 1 + a + e + k, 1 + a - e - k, 1 - a + e - k, 1 - a - e + k
+        if squares[0] >= max(squares[1:]):
+            q[:] = squares[0], h - f, c - g, d - b
+        elif squares[1] >= max(squares[2:]):
+            q[:] = h - f, squares[1], b + d, c + g
+        elif squares[2] >= squares[3]:
+            q[:] = c - g, b + d, squares[2], f + h
+        else:
+            q[:] = d - b, c + g, f + h, squares[3]
+        sine2 = q[1] ** 2 + q[2] ** 2 + q[3] ** 2
+        norm = np.sqrt(q[0] ** 2 + sine2)
+        if q[0] < 0:
+            norm = -norm
+        w, sine2 = q[0] / norm, sine2 / norm**2
+        if sine2 < _SMALL_RAD2**2:
+            scale = (2 - 2 * sine2 / (3 * w * w)) / w
+        else:
+            scale = 2 * np.arctan2(np.sqrt(sine2), w) / np.sqrt(sine2)
+        vectors[i] = scale / norm * q[1:]
 
 
 def matrix_to_quaternion(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 4"]:
@@ -179,6 +272,8 @@ def inverse_right_jacobian(axis_angle: Float[Tensor, "... 3"]) -> Float[Tensor, 
 
     Converts derivatives by axis-angle to derivatives by right local increments.
     """
+    if for_processor(axis_angle):
+        return _of_vectors(_inverse_jacobians, axis_angle)
     angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
     small = angle2 < _SMALL_RAD2
     safe2 = torch.where(small, torch.ones_like(angle2), angle2)

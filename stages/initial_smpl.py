@@ -9,11 +9,19 @@ fitted once for all actions that have it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import torch
 
 from imocap_core.adapters.estimates import estimate_of
-from imocap_core.adapters.monocular import SingleVideo, fit_single_video, joined, refits_of_swapped
+from imocap_core.adapters.monocular import (
+    PoseLibraries,
+    SingleVideo,
+    fit_single_video,
+    joined,
+    pose_libraries,
+    refits_of_swapped,
+)
 from imocap_core.artifacts.schemas import Artifact, CameraMotion, InitialSmpl, Keypoints
 from imocap_core.cli import stage_main
 from imocap_core.motion.gauss_newton import motions_at_once
@@ -27,13 +35,14 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     """A motion for every video by itself."""
     ids = [video.id for video in inputs.get(Keypoints).videos]
     videos = {i: single_video(ctx, inputs, i) for i in ids}
+    libraries = pose_libraries(load_pose_prior(ctx.device), ctx.rng, params.initial_smpl)
     ended: list[str] = []
 
     def part(i: str) -> InitialSmpl:
         def progress(doing: str) -> None:
             ctx.progress(0.8 * len(ended) / len(ids), f"{i}: {doing}")
 
-        fit = part_of_video(ctx, params, i, videos[i], len(ids) == 1, progress)
+        fit = part_of_video(ctx, params, i, videos[i], libraries, len(ids) == 1, progress)
         ended.append(i)
         return fit
 
@@ -44,7 +53,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         ctx.progress(0.8, "sides that the other videos' motions swap")
         prior, singles = load_pose_prior(ctx.device), list(videos.values())
         options = params.initial_smpl
-        refits = refits_of_swapped(singles, result, prior, ctx.rng, params.fit, options)
+        refits = refits_of_swapped(singles, result, prior, libraries, params.fit, options)
         result.alternatives.extend(refits)
     return result
 
@@ -54,9 +63,9 @@ def make_part(ctx: Context, inputs: Inputs, params: Params, video: str) -> None:
     ids = [v.id for v in inputs.get(Keypoints).videos]
     if video in ids:
         single = single_video(ctx, inputs, video)
-        part_of_video(
-            ctx, params, video, single, len(ids) == 1, lambda doing: ctx.progress(0.0, doing)
-        )
+        libraries = pose_libraries(load_pose_prior(ctx.device), ctx.rng, params.initial_smpl)
+        alone = len(ids) == 1
+        part_of_video(ctx, params, video, single, libraries, alone, partial(ctx.progress, 0.0))
 
 
 def single_video(ctx: Context, inputs: Inputs, name: str) -> SingleVideo:
@@ -72,6 +81,7 @@ def part_of_video(
     params: Params,
     name: str,
     single: SingleVideo,
+    libraries: PoseLibraries,
     alone: bool,
     progress: Callable[[str], None],
 ) -> InitialSmpl:
@@ -86,7 +96,7 @@ def part_of_video(
     def make() -> InitialSmpl:
         prior, options = load_pose_prior(ctx.device), params.initial_smpl
         return fit_single_video(
-            single, prior, ctx.rng(), params.fit, options, alone=alone, progress=progress
+            single, prior, libraries, params.fit, options, alone=alone, progress=progress
         )
 
     return ctx.part("video", made_from, InitialSmpl, make)

@@ -26,6 +26,7 @@ from imocap_core.render import draw_mesh
 from imocap_core.sync.screening.registration import warp_costs
 from imocap_core.sync.warp.dtw import dtw
 from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.rate import heavy_tailed_prior, rate_posterior
 
 FRAMES = 4
 K = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 180.0], [0.0, 0.0, 1.0]])
@@ -65,6 +66,7 @@ def main() -> int:
     body = Body.of(load_free_body(dtype=torch.float64), "body25")
     compile_fit(body)
     monotone_posterior(np.ones((FRAMES, FRAMES)), unmatched=np.inf)
+    rate_posterior(np.ones((FRAMES, FRAMES)), heavy_tailed_prior(1.0, 0.1), unmatched=1.0)
     warp_costs(np.ones((1, FRAMES, FRAMES)))
     dtw(np.ones((FRAMES, FRAMES)))
     shaped = body.model.shape(torch.zeros(10).double())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import torch
@@ -19,8 +20,8 @@ from imocap_core.adapters.ground import grounds_of
 from imocap_core.adapters.hypotheses import FIRST, candidates_of
 from imocap_core.adapters.observations import (
     alternatives_of,
-    body_for,
     fit_of_single_views,
+    layouts_of,
     motions_of,
     observations_of,
     starts_of,
@@ -35,6 +36,7 @@ from imocap_core.artifacts.schemas import (
     VideoCameraMotion,
     VideoKeypoints,
 )
+from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.lifter.infer import Lifted, lift
@@ -184,6 +186,24 @@ class SingleVideo:
         return max(1, round(options.stride_s * self.keypoints.videos[0].fps))
 
 
+PoseLibraries = Callable[[tuple[str, ...]], tuple[Body, Library]]
+
+
+def pose_libraries(
+    prior: PosePrior, rng: Callable[[], np.random.Generator], options: InitialSmplParams
+) -> PoseLibraries:
+    """The body with the keypoints of some layouts and its library of poses, made once for all
+    videos that have these. rng: returns a fresh generator."""
+
+    @cache
+    def of_layouts(layouts: tuple[str, ...]) -> tuple[Body, Library]:
+        body = Body.of(load_free_body(prior.mean.device), *layouts)
+        counts = {"poses": options.library_poses, "directions": options.library_directions}
+        return body, make_library(body, prior, rng(), **counts)
+
+    return of_layouts
+
+
 @dataclass(frozen=True)
 class SingleProblem:
     """What all fits of one video share.
@@ -204,21 +224,16 @@ class SingleProblem:
     def of(
         cls,
         single: SingleVideo,
-        prior: PosePrior,
-        rng: np.random.Generator,
+        libraries: PoseLibraries,
         fit: FitParams,
         options: InitialSmplParams,
     ) -> SingleProblem:
         """The library of poses, the lifter's joints, and the weights of a single view."""
-        device = prior.mean.device
-        body = body_for(single.keypoints, device)
-        library = make_library(
-            body, prior, rng, poses=options.library_poses, directions=options.library_directions
-        )
+        body, library = libraries(tuple(layouts_of(single.keypoints)))
         lifted = None
         if options.lifter == "auto" and single.estimate is None:
             (video,), (camera,) = single.keypoints.videos, single.cameras.videos
-            lifted = lifted_joints(video, camera, device)
+            lifted = lifted_joints(video, camera, library.R_view.device)
         joints_given = isinstance(single.estimate, np.ndarray)
         weights = fit_of_single_views(single.keypoints, fit, joints_given, options.shape_prior)
         return cls(single, body, library, lifted, weights, options)
@@ -245,7 +260,7 @@ class SingleProblem:
 def fit_single_video(
     single: SingleVideo,
     prior: PosePrior,
-    rng: np.random.Generator,
+    libraries: PoseLibraries,
     fit: FitParams,
     options: InitialSmplParams,
     *,
@@ -258,7 +273,7 @@ def fit_single_video(
     body leans, so it balances.
     """
     keypoints, cameras = single.keypoints, single.cameras
-    problem = SingleProblem.of(single, prior, rng, fit, options)
+    problem = SingleProblem.of(single, libraries, fit, options)
     body, weights, observations = problem.body, problem.weights, problem.observed()
     units = path_units(
         body, prior, keypoints, cameras, observations, lambda _, o: problem.starts(o), weights,
@@ -320,7 +335,7 @@ def refits_of_swapped(
     singles: Sequence[SingleVideo],
     result: InitialSmpl,
     prior: PosePrior,
-    rng: Callable[[], np.random.Generator],
+    libraries: PoseLibraries,
     fit: FitParams,
     options: InitialSmplParams,
 ) -> list[AlternativeMotion]:
@@ -338,7 +353,7 @@ def refits_of_swapped(
             continue
         starts = [start for start in result.starts if start.video == motion.id]
         least = least_cost(starts, singles[v].frames, singles[v].stride(options))
-        fits = fits_with_sides(singles[v], states[v], prior, rng(), fit, options)
+        fits = fits_with_sides(singles[v], states[v], prior, libraries, fit, options)
         refits += [
             AlternativeMotion(
                 name=SWAPPED_PREFIX if refit.name == FIRST else f"{SWAPPED_PREFIX}, {refit.name}",
@@ -355,7 +370,7 @@ def fits_with_sides(
     single: SingleVideo,
     states: Int[np.ndarray, " T"],
     prior: PosePrior,
-    rng: np.random.Generator,
+    libraries: PoseLibraries,
     fit: FitParams,
     options: InitialSmplParams,
 ) -> list[AlternativeMotion]:
@@ -364,7 +379,7 @@ def fits_with_sides(
     Args:
         states: as of `swapped_by_others`.
     """
-    problem = SingleProblem.of(swapped_video(single, states), prior, rng, fit, options)
+    problem = SingleProblem.of(swapped_video(single, states), libraries, fit, options)
     body, stride = problem.body, single.stride(options)
     observed = replace(problem, single=single).observed()
     observation = with_sides(observed[0], states, body.keypoints.names, stride)

@@ -13,7 +13,6 @@ centimetre or two is all that balance asks for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -22,6 +21,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.rotations import for_processor
+from imocap_core.workers import compiled
 
 Landmark = tuple[tuple[int, float], ...]  # (vertex, weight) pairs whose weights sum to 1
 
@@ -81,17 +82,6 @@ else:
     ModelArrays = ShapedArrays = PosedArrays = Any
 
 
-@lru_cache(maxsize=64)
-def tree_levels(parents: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
-    """Joints grouped by their depth below the root; the first group is the root."""
-    depth = [0] * len(parents)
-    for joint, parent in enumerate(parents[1:], start=1):
-        depth[joint] = depth[parent] + 1
-    return tuple(
-        tuple(j for j, d in enumerate(depth) if d == level) for level in range(max(depth) + 1)
-    )
-
-
 def check_tree(parents: Sequence[int]) -> None:
     """Raise ValueError unless joint 0 is the only root and every parent precedes its child."""
     if not parents or parents[0] != -1:
@@ -115,18 +105,28 @@ def world_rotations(
     R_local: Float[Tensor, "... J 3 3"], parents: tuple[int, ...]
 ) -> Float[Tensor, "... J 3 3"]:
     """World rotations of the joints: local rotations composed down the tree."""
-    levels = tree_levels(parents)
-    if len(levels) == 1:
-        return R_local
-    blocks = [R_local[..., :1, :, :]]
-    place = {0: 0}  # joint -> its position within the level it belongs to
-    for level in levels[1:]:
-        above = blocks[-1][..., [place[parents[j]] for j in level], :, :]
-        blocks.append(above @ R_local[..., list(level), :, :])
-        place = {j: i for i, j in enumerate(level)}
-    order = [j for level in levels for j in level]
-    inverse = [order.index(j) for j in range(len(parents))]
-    return torch.cat(blocks, dim=-3)[..., inverse, :, :]
+    if for_processor(R_local):
+        rows = R_local.reshape(-1, len(parents), 3, 3).contiguous()
+        R_world = torch.empty_like(rows)
+        _compose(rows.numpy(), R_world.numpy(), np.array(parents))
+        return R_world.view(R_local.shape)
+    world = [R_local[..., 0, :, :]]
+    for joint, parent in enumerate(parents[1:], start=1):
+        world.append(world[parent] @ R_local[..., joint, :, :])
+    return torch.stack(world, dim=-3)
+
+
+@compiled
+def _compose(R_local, R_world, parents):  # type: ignore[no-untyped-def]
+    """`world_rotations` of T poses (T, J, 3, 3), in place."""
+    for t in range(len(R_local)):
+        R_world[t, 0] = R_local[t, 0]
+        for j in range(1, len(parents)):
+            above, local, world = R_world[t, parents[j]], R_local[t, j], R_world[t, j]
+            for i in range(3):
+                x, y, z = above[i]
+                for k in range(3):
+                    world[i, k] = x * local[0, k] + y * local[1, k] + z * local[2, k]
 
 
 def joint_positions(

@@ -30,6 +30,8 @@ from imocap_core.body.kinematics import Landmark, check_tree, joint_positions, w
 from imocap_core.body.layouts import layout_points
 from imocap_core.body.points import PointSet, place_points, rows_of, skin, turn, weighted_rest
 from imocap_core.conventions import SMPLH_JOINTS
+from imocap_core.rotations import for_processor
+from imocap_core.workers import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,10 +285,30 @@ def _by_pose(
     """Derivatives by pose of rigid levers."""
     point_of, joint_of = points.pairs
     hanging = levers[..., point_of, :, :] * points.below[joint_of][..., None]
-    arm = turn(rows, hanging.flatten(-2).transpose(-1, -2)).transpose(-1, -2)  # (..., N, 3)
-    x, y, z = arm[..., None].unbind(-2)
+    arm = turn(rows, hanging.flatten(-2).transpose(-1, -2))  # (..., 3, N)
+    if for_processor(arm):
+        batch = arm.shape[:-2]
+        turns = R_world.expand(*batch, *R_world.shape[-3:]).reshape(-1, *R_world.shape[-3:])
+        blocks = arm.new_empty(batch.numel(), len(joint_of), 3, 3)
+        arrays = (x.contiguous().numpy() for x in (turns, arm.reshape(-1, *arm.shape[-2:])))
+        _turn_arms(blocks.numpy(), *arrays, points.spans[1])
+        return blocks.view(*batch, *blocks.shape[1:])
+    x, y, z = arm.transpose(-1, -2)[..., None].unbind(-2)
     a, b, c = R_world[..., joint_of, :, :].unbind(-2)  # rows of (..., N, 3): the increment's axes
     return torch.stack((b * z - c * y, c * x - a * z, a * y - b * x), dim=-2)
+
+
+@compiled
+def _turn_arms(blocks, R_world, arms, joints):  # type: ignore[no-untyped-def]
+    """Derivatives (T, N, 3, 3) of arms (T, 3, N) by increments of their joints: ``(R e) x arm``."""
+    for t in range(len(blocks)):
+        for n in range(len(joints)):
+            x, y, z = arms[t, 0, n], arms[t, 1, n], arms[t, 2, n]
+            R, block = R_world[t, joints[n]], blocks[t, n]
+            for axis in range(3):
+                block[0, axis] = R[1, axis] * z - R[2, axis] * y
+                block[1, axis] = R[2, axis] * x - R[0, axis] * z
+                block[2, axis] = R[0, axis] * y - R[1, axis] * x
 
 
 def all_joints(blocks: Float[Tensor, "... N 3 3"], points: PointSet) -> Float[Tensor, "... K 3 P"]:

@@ -201,9 +201,9 @@ class _Unscaled(FigureImage):
 
     def __init__(self, figure: Figure, picture: Image, left_px: int, below_px: int) -> None:
         super().__init__(figure, offsetx=left_px, offsety=below_px)
-        shown = (picture != np.array(PAPER_RGB, np.uint8)).any(axis=2, keepdims=True)
-        rgba = np.concatenate([picture, np.where(shown, 255, 0).astype(np.uint8)], axis=2)
-        self._rows_upwards = rgba[::-1].copy()
+        red, green, blue = (picture != np.array(PAPER_RGB, np.uint8)).transpose(2, 0, 1)
+        alpha = np.where(red | green | blue, 255, 0).astype(np.uint8)
+        self._rows_upwards = np.dstack([picture, alpha])[::-1].copy()
         self.set_data(picture)
 
     def make_image(

@@ -28,6 +28,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.rotations import for_processor
 from imocap_core.workers import compiled
 
 
@@ -345,11 +346,6 @@ class NormalEquations:
         product = right.flatten(1, 2).mT @ solved.flatten(1, 2)
         schur, rest = self.corner - product[:, 1:, 1:], self.corner_gradient - product[:, 1:, 0]
         return Reduced(solved[..., 0], solved[..., 1:], schur, rest, factors)
-
-
-def for_processor(values: Tensor) -> bool:
-    """Whether LAPACK and compiled loops take them: on a processor, in double precision."""
-    return not values.is_cuda and values.dtype == torch.float64
 
 
 def add_product(

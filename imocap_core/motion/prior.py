@@ -52,8 +52,8 @@ class PosePrior:
         Returns:
             Cost, at least 0, and component.
         """
-        whitened = (theta @ self.whitening - self.whitened_mean).unflatten(-1, self.mean.shape)
-        smallest = (whitened.square().sum(-1) + self.constant).min(-1)
+        whitened = (theta @ self.whitening).sub_(self.whitened_mean).unflatten(-1, self.mean.shape)
+        smallest = (whitened.square_().sum(-1) + self.constant).min(-1)
         return smallest.values, smallest.indices
 
     def sample(

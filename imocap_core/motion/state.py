@@ -17,6 +17,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from imocap_core import rotations
 from imocap_core.body import (
     Model,
     PointSet,
@@ -27,12 +28,10 @@ from imocap_core.body import (
     points_with_blocks,
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.motion import normal
 from imocap_core.rotations import exp, log
 from imocap_core.workers import compiled
 
 POSE = 72
-SMALL_SINE2 = 1e-8  # below it a series gives the angle
 FRAME_UNKNOWNS = POSE + 3
 
 T = TypeVar("T")
@@ -105,7 +104,7 @@ class MotionState:
     @cached_property
     def axis_angle(self) -> Float[Tensor, "B T 24 3"]:
         """Joint rotations as vectors, radians."""
-        return logarithms(self.R_local)
+        return log(self.R_local)
 
     @property
     def unknown_globals(self) -> int:
@@ -204,42 +203,6 @@ class MotionState:
         )
 
 
-def logarithms(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
-    """Rotations as vectors, radians: `rotations.log`, on a processor in one loop."""
-    if not normal.for_processor(R) or R.requires_grad:
-        return log(R)
-    vectors = R.new_empty(R.shape[:-1])
-    _logarithms(R.reshape(-1, 9).numpy(), vectors.view(-1, 3).numpy())
-    return vectors
-
-
-@compiled
-def _logarithms(R, vectors):  # type: ignore[no-untyped-def]
-    """By quaternions: of four formulas the one that divides by the largest component."""
-    q = np.empty(4)
-    for i in range(len(R)):
-        a, b, c, d, e, f, g, h, k = R[i]
-        squares = 1 + a + e + k, 1 + a - e - k, 1 - a + e - k, 1 - a - e + k
-        if squares[0] >= max(squares[1:]):
-            q[:] = squares[0], h - f, c - g, d - b
-        elif squares[1] >= max(squares[2:]):
-            q[:] = h - f, squares[1], b + d, c + g
-        elif squares[2] >= squares[3]:
-            q[:] = c - g, b + d, squares[2], f + h
-        else:
-            q[:] = d - b, c + g, f + h, squares[3]
-        sine2 = q[1] ** 2 + q[2] ** 2 + q[3] ** 2
-        norm = np.sqrt(q[0] ** 2 + sine2)
-        if q[0] < 0:
-            norm = -norm
-        w, sine2 = q[0] / norm, sine2 / norm**2
-        if sine2 < SMALL_SINE2:
-            scale = (2 - 2 * sine2 / (3 * w * w)) / w
-        else:
-            scale = 2 * np.arctan2(np.sqrt(sine2), w) / np.sqrt(sine2)
-        vectors[i] = scale / norm * q[1:]
-
-
 FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
 MOVING = (
     *(f"{side}_{end}" for end in ("hip", "knee", "ankle") for side in ("left", "right")),
@@ -288,7 +251,7 @@ class MovedPoints:
             target: of all unknowns of a frame, or of the pose alone.
         """
         moves = target.shape[-1] == FRAME_UNKNOWNS
-        if not normal.for_processor(target):
+        if not rotations.for_processor(target):
             left, right = (x.by_frame(moves) for x in (self, later))
             target += left.flatten(2, 3).mT @ (metric @ right).flatten(2, 3)
             return
@@ -298,7 +261,7 @@ class MovedPoints:
 
     def pulled(self, values: Float[Tensor, "B T K 3 m"]) -> Float[Tensor, "B T 75 m"]:
         """``J^T values``."""
-        if not normal.for_processor(values):
+        if not rotations.for_processor(values):
             return self.by_frame(True).flatten(2, 3).mT @ values.flatten(2, 3)
         sums = values.new_zeros(*values.shape[:2], FRAME_UNKNOWNS, values.shape[-1])
         for motion in zip(*(x.numpy() for x in (sums, self.blocks, values)), strict=True):

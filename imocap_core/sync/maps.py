@@ -208,15 +208,6 @@ def whole_band(matrix: Float[np.ndarray, "N S"]) -> BandedMap:
     return BandedMap((N, S), [(slice(0, N), slice(0, S))], [matrix])
 
 
-def frames_of(bands: Sequence[Band]) -> list[tuple[slice, int, int]]:
-    """Positions, band, and row in the band of each frame."""
-    return [
-        (columns, band, row)
-        for band, (rows, columns) in enumerate(bands)
-        for row in range(rows.stop - rows.start)
-    ]
-
-
 def refined_bands(coarse: BandedMap, shape: tuple[int, int], n: int, reach: int) -> list[Band]:
     """Bands of all frames and positions, from a map of every n-th frame to every n-th position:
     those of the frames before, at and after, and `reach` positions more to either side."""

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.adapters.monocular import SingleVideo, fit_single_video
+from imocap_core import rotations
+from imocap_core.adapters.monocular import SingleVideo, fit_single_video, pose_libraries
 from imocap_core.artifacts.codec import pack
 from imocap_core.artifacts.schemas.base import Artifact
-from imocap_core.body import load_free_body
+from imocap_core.body import kinematics, load_free_body, model
 from imocap_core.evaluate.scoreboard import posed_body
 from imocap_core.evaluate.whole_body_scores import measure_surfaces, surface_edges
 from imocap_core.motion import normal
@@ -61,7 +62,7 @@ def given(made: Made) -> Given:
 
 @pytest.fixture(autouse=True)
 def the_card_s_elimination_as_lapack_rounds_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (normal, body_priors, smoothness):
+    for module in (rotations, kinematics, model, normal, body_priors, smoothness):
         monkeypatch.setattr(module, "for_processor", lambda values: False)
 
 
@@ -93,8 +94,9 @@ def test_a_single_video_is_lifted_and_fitted_on_the_device_of_its_prior(made, un
     single = SingleVideo.of(made.keypoints.videos[0], made.camera_motion.videos[0], None)
 
     def fitted(device: str) -> Artifact:
-        prior, rng = load_pose_prior(device), np.random.default_rng(5)
-        return fit_single_video(single, prior, rng, QUICK.fit, QUICK.initial_smpl, alone=True)
+        prior, options, rng = load_pose_prior(device), QUICK.initial_smpl, np.random.default_rng(5)
+        libraries = pose_libraries(prior, lambda: rng, options)
+        return fit_single_video(single, prior, libraries, QUICK.fit, options, alone=True)
 
     here = fitted("cpu")
     with pretended_cuda():

@@ -14,6 +14,7 @@ from imocap_core.adapters.monocular import (
     joined,
     least_cost,
     lifted_joints,
+    pose_libraries,
     starts,
     with_sides,
 )
@@ -73,8 +74,8 @@ def test_a_short_video_is_fitted_with_its_alternatives_or_alone(made: Made) -> N
     single = SingleVideo.of(made.keypoints.videos[1], made.camera_motion.videos[1], None)
 
     def fit(alone: bool) -> InitialSmpl:
-        rng = np.random.default_rng(7)
-        return fit_single_video(single, prior, rng, params.fit, options, alone=alone)
+        libraries = pose_libraries(prior, lambda: np.random.default_rng(7), options)
+        return fit_single_video(single, prior, libraries, params.fit, options, alone=alone)
 
     alone, beside = fit(True), fit(False)
     assert alone.alternatives == []

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -50,6 +51,12 @@ class Library:
     templates: Complex[Tensor, "SV K"]
     joints: Float[Tensor, "S 24 3"]
     pose_cost: Float[Tensor, " S"]
+
+    @cached_property
+    def narrow(self) -> tuple[Complex[Tensor, "SV K"], Float[Tensor, "SV K"]]:
+        """The templates in single precision, and their squared magnitudes."""
+        narrow = self.templates.to(torch.complex64)
+        return narrow, _square(narrow)
 
 
 def make_library(
@@ -153,9 +160,9 @@ def _best_least_squares(
     narrow_w, narrow_c = w.to(torch.complex64), share.to(torch.float32)
     weighted = narrow_c * narrow_w
     for start in range(0, len(library.templates), CHUNK):
-        p = library.templates[start : start + CHUNK].to(torch.complex64)
+        p, squared = (x[start : start + CHUNK] for x in library.narrow)
         mean = narrow_c.to(torch.complex64) @ p.T
-        spread_p = narrow_c @ _square(p).T - _square(mean)
+        spread_p = narrow_c @ squared.T - _square(mean)
         cross = weighted @ p.conj().T
         value = 1 - _square(cross) / (spread_p.clamp_min(1e-9) * spread[:, None].float())
         index = torch.arange(start, start + len(p), device=w.device).expand(len(w), -1)

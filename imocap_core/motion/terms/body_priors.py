@@ -18,11 +18,11 @@ from torch import Tensor
 
 from imocap_core.body import Model
 from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
-from imocap_core.motion.normal import NormalEquations, for_processor
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.motion.terms.base import OneForAll
-from imocap_core.rotations import inverse_right_jacobian
+from imocap_core.rotations import for_processor, inverse_right_jacobian
 from imocap_core.workers import compiled
 
 

@@ -32,12 +32,11 @@ from imocap_core.motion.terms.view import (
     with_rigid_offset,
 )
 from imocap_core.robust import geman_mcclure
-from imocap_core.rotations import exp, hat
+from imocap_core.rotations import exp, fill_rotation, hat
 from imocap_core.workers import compiled
 
 INNER_STEPS = 30  # at most
 CONVERGED = 1e-4  # rad, m: change of an offset in the last step
-SMALL_RAD2 = 1e-8  # squared angle below which a series gives the rotation
 
 
 @torch.no_grad()  # at their optimum the offsets' change does not change the cost
@@ -130,7 +129,7 @@ def _add_points(rows, arms, root, xy_px, weight, focal, scale, d):  # type: igno
     An arm a at the end of a derivative J by the point rotates it: ``J (w x a) = (a x J) w``.
     """
     R = np.empty((3, 3))
-    _rotation(d[0], d[1], d[2], R)
+    fill_rotation(d[0], d[1], d[2], R)
     J = np.empty((2, 7))
     for k in range(len(arms)):
         if weight[k] == 0.0:
@@ -154,20 +153,6 @@ def _add_points(rows, arms, root, xy_px, weight, focal, scale, d):  # type: igno
                 rows[i, j] += J[0, i] * J[0, j] + J[1, i] * J[1, j]
     for i in range(6):
         rows[i:, i] = rows[i, i:6]
-
-
-@compiled
-def _rotation(x, y, z, R):  # type: ignore[no-untyped-def]
-    """The rotation R of a vector (`rotations.exp`), in place."""
-    square = x * x + y * y + z * z
-    if square < SMALL_RAD2:
-        sine, cosine = 1 - square / 6, 0.5 - square / 24
-    else:
-        angle = np.sqrt(square)
-        sine, cosine = np.sin(angle) / angle, 2 * np.sin(angle / 2) ** 2 / square
-    R[0] = 1 - cosine * (y * y + z * z), cosine * x * y - sine * z, cosine * x * z + sine * y
-    R[1] = cosine * x * y + sine * z, 1 - cosine * (x * x + z * z), cosine * y * z - sine * x
-    R[2] = cosine * x * z - sine * y, cosine * y * z + sine * x, 1 - cosine * (x * x + y * y)
 
 
 @compiled

@@ -19,10 +19,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.normal import NormalEquations, for_processor
-from imocap_core.motion.state import POSE, Body, MotionState, logarithms
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.state import POSE, Body, MotionState
 from imocap_core.motion.terms.base import OneForAll, isotropic, padded, pairs, triples
 from imocap_core.robust import cauchy
+from imocap_core.rotations import for_processor, log
 from imocap_core.workers import compiled
 
 
@@ -198,7 +199,7 @@ def _relative_rotations(state: MotionState) -> Tensor:
 def _steps(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3) the same as vectors, 0 at padding."""
     pair = pairs(state.valid)[..., None, None]
-    return state.cached((_steps,), lambda: logarithms(_relative_rotations(state)) * pair)
+    return state.cached((_steps,), lambda: log(_relative_rotations(state)) * pair)
 
 
 def _chords(state: MotionState) -> Tensor:

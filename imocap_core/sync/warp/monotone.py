@@ -11,7 +11,6 @@ rate. The spread of a frame's distribution shows how certain its match is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -50,17 +49,35 @@ def normalised(
     return posterior, matched
 
 
-def moved(
-    state: np.ndarray, here: slice, there: slice, step: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
-    """A step of the chain from the positions `here` (..., S_here) to the positions `there`, of
-    which those that the state does not have are 0."""
-    if here == there:
-        return step(state)
-    first, stop = min(here.start, there.start), max(here.stop, there.stop)
-    wide = np.zeros((*state.shape[:-1], stop - first))
-    wide[..., here.start - first : here.stop - first] = state
-    return step(wide)[..., there.start - first : there.stop - first]
+def normalised_bands(
+    cost: BandedMap, joint: Float[np.ndarray, " _"], outside: Float[np.ndarray, " N"]
+) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
+    """`normalised` of the weights of all frames' positions, one frame after another."""
+    matched, values, used = np.empty(len(outside)), list[np.ndarray](), 0
+    for rows, _, costs in cost:
+        of_band = joint[used : used + costs.size].reshape(costs.shape)
+        posterior, matched[rows] = normalised(of_band, outside[rows])
+        values.append(posterior)
+        used += costs.size
+    return BandedMap(cost.shape, cost.bands, values), matched
+
+
+def frame_likelihoods(
+    cost: BandedMap, unmatched: float | Float[np.ndarray, " N"], charge: float = 0.0
+) -> tuple[np.ndarray, ...]:
+    """For compiled loops: `bounded_likelihoods` of all frames' positions, one frame after another,
+    and of each frame's no match; each frame's first position, their number, and where they end.
+
+    charge: what every match costs more.
+    """
+    N, match = cost.shape[0], list[np.ndarray]()
+    skip, begin, width = np.empty(N), np.empty(N, int), np.empty(N, int)
+    for rows, here, costs in cost:
+        limit = np.broadcast_to(unmatched, N)[rows]
+        likelihood, skip[rows], _ = bounded_likelihoods(costs + charge, limit)
+        begin[rows], width[rows] = here.start, here.stop - here.start
+        match.append(likelihood.ravel())
+    return np.concatenate(match), skip, begin, width, np.cumsum(width)
 
 
 @dataclass(frozen=True)
@@ -125,24 +142,8 @@ def banded_posterior(
     # slower. A longer video shows other content too: filling it would charge too much.
     slower, faster = sorted((steps.mean(S / N), S / N))
     edge = max(1, int(np.ceil(2.0 * faster)))  # positions at which a warp may begin, or end
-    charge, skip, match = np.log1p(slower), np.empty(N), list[np.ndarray]()
-    for rows, _, costs in cost:
-        limit = np.broadcast_to(unmatched, N)[rows]
-        likelihood, skip[rows], _ = bounded_likelihoods(costs + charge, limit)
-        match.append(likelihood.ravel())
-    begin, width = np.empty(N, int), np.empty(N, int)
-    for rows, here in cost.bands:
-        begin[rows], width[rows] = here.start, here.stop - here.start
-    joint, outside = _joint_weights(
-        np.concatenate(match), begin, width, skip, edge, S, astuple(steps)
-    )
-    matched, values, used = np.empty(N), list[np.ndarray](), 0
-    for (rows, _), likelihood in zip(cost.bands, match, strict=True):
-        of_band = joint[used : used + likelihood.size].reshape(rows.stop - rows.start, -1)
-        posterior, matched[rows] = normalised(of_band, outside[rows])
-        values.append(posterior)
-        used += likelihood.size
-    return BandedMap(cost.shape, cost.bands, values), matched
+    frames = frame_likelihoods(cost, unmatched, np.log1p(slower))
+    return normalised_bands(cost, *_joint_weights(frames, edge, S, astuple(steps)))
 
 
 @compiled
@@ -168,17 +169,18 @@ def _advance(state, start, reached, begin, steps):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _joint_weights(match, begin, width, skip, edge, S, steps):  # type: ignore[no-untyped-def]
+def _joint_weights(frames, edge, S, steps):  # type: ignore[no-untyped-def]
     """Weights of each frame's positions, one frame after another, and of having no counterpart,
     each frame's up to one factor: forward messages, times backward ones.
 
     Messages are of the frame's positions, of "before the warp's start" and "after its end".
 
     Args:
-        match: likelihoods of the frames' positions, ``width`` of a frame from ``begin`` on.
+        frames: of `frame_likelihoods`.
         edge: of the S positions a warp may begin at so many first ones, and end at as many last.
     """
-    N, joint, end = len(width), np.empty(len(match)), np.cumsum(width)
+    match, skip, begin, width, end = frames
+    N, joint = len(width), np.empty(len(match))
     before, after, early, late = np.empty(N), np.empty(N), 1.0, 0.0
     for t in range(N):
         message, first = joint[end[t] - width[t] : end[t]], begin[t]

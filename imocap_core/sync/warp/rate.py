@@ -15,17 +15,17 @@ video, solved together by robust least squares.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
 from imocap_core.robust import geman_mcclure_weight
-from imocap_core.sync.maps import BandedMap, frames_of, whole_band
+from imocap_core.sync.maps import BandedMap, whole_band
 from imocap_core.sync.procrustes import procrustes_distances
-from imocap_core.sync.warp.monotone import bounded_likelihoods, moved, normalised
+from imocap_core.sync.warp.monotone import frame_likelihoods, normalised, normalised_bands
+from imocap_core.workers import compiled
 
 RATE_GRID = 0.17  # between neighbouring rates, in log units
 JUMPS_PER_S = 0.2  # a rate changes to any other about this often
@@ -83,122 +83,6 @@ def rate_prior(
     return RatePrior(usual * np.exp(log_rate), share, moves)
 
 
-# flat indices (K, S) of states, and the weight (K, S) of each; for the two grid points of a step
-Stencil = list[tuple[np.ndarray, np.ndarray]]
-TRANSITIONS = 4  # for so many numbers of positions at once
-
-
-@dataclass(frozen=True)
-class _Transition:
-    """From frame to frame: the states that a state (rate, position) comes from and goes to."""
-
-    moves: np.ndarray
-    sources: Stencil
-    targets: Stencil
-
-    @classmethod
-    def of(cls, prior: RatePrior, S: int) -> _Transition:
-        return cls(prior.moves, _stencil(prior, S, -1), _stencil(prior, S, 1))
-
-    def forward(self, state: np.ndarray) -> np.ndarray:
-        """P(rate, position) (K, S) one frame later, before the frame's evidence."""
-        return np.asarray(self.moves.T @ _gathered(state, self.sources))
-
-    def backward(self, state: np.ndarray) -> np.ndarray:
-        """The transpose of `forward`."""
-        return _gathered(self.moves @ state, self.targets)
-
-
-def _stencil(prior: RatePrior, S: int, direction: int) -> Stencil:
-    """The two positions one frame back (`direction` -1) or ahead (1) around each rate's step."""
-    K = len(prior.share)
-    whole = prior.advance.astype(np.int64)
-    part = prior.advance - whole
-    stencil = []
-    for step, share in ((whole, 1.0 - part), (whole + 1, part)):
-        position = np.arange(S) + direction * step[:, None]
-        index = np.arange(K)[:, None] * S + np.clip(position, 0, S - 1)
-        inside = (position >= 0) & (position < S)
-        stencil.append((index, np.where(inside, share[:, None], 0.0)))
-    return stencil
-
-
-def _gathered(state: np.ndarray, stencil: Stencil) -> np.ndarray:
-    (near, near_weight), (far, far_weight) = stencil
-    return np.asarray(near_weight * state.take(near) + far_weight * state.take(far))
-
-
-class _Chain:
-    """The chain over any number of positions side by side."""
-
-    def __init__(self, prior: RatePrior) -> None:
-        self._of = lru_cache(maxsize=TRANSITIONS)(lambda S: _Transition.of(prior, S))
-
-    def forward(self, state: np.ndarray) -> np.ndarray:
-        """`_Transition.forward` of as many positions as the state has."""
-        return self._of(state.shape[1]).forward(state)
-
-    def backward(self, state: np.ndarray) -> np.ndarray:
-        """Its transpose."""
-        return self._of(state.shape[1]).backward(state)
-
-
-@dataclass(frozen=True)
-class _Likelihoods:
-    """match of each band, and skip (N,) of each frame; enter (K, edge): P(first matched frame lies
-    there | those before are unmatched); edge: positions at either end, from the last of which a
-    warp may leave; frames: positions, band, and row in it of each; S: positions."""
-
-    match: list[np.ndarray]
-    skip: np.ndarray
-    enter: np.ndarray
-    edge: int
-    frames: list[tuple[slice, int, int]]
-    S: int
-
-    @classmethod
-    def of(cls, cost: BandedMap, unmatched: float | np.ndarray, prior: RatePrior) -> _Likelihoods:
-        N, S = cost.shape
-        skip, match, for_each = np.empty(N), [], np.broadcast_to(unmatched, N)
-        for rows, _, values in cost:
-            likelihood, skip[rows], _ = bounded_likelihoods(values, for_each[rows])
-            match.append(likelihood)
-        edge = min(S, max(1, int(np.ceil(2.0 * float(prior.advance @ prior.share)))))
-        enter = np.repeat(prior.share[:, None] / edge, edge, axis=1)
-        return cls(match, skip, enter, edge, frames_of(cost.bands), S)
-
-    def of_frame(self, t: int) -> np.ndarray:
-        """Of its positions."""
-        _, band, row = self.frames[t]
-        return np.asarray(self.match[band][row])
-
-    def first(self, t: int) -> tuple[slice, slice]:
-        """Which of the frame's positions a warp may begin at, and where they are in `enter`."""
-        here = self.frames[t][0]
-        count = max(0, min(self.edge, here.stop) - here.start)
-        return slice(0, count), slice(here.start, here.start + count)
-
-    def last(self, t: int) -> slice:
-        """Which of the frame's positions a warp may end at."""
-        here = self.frames[t][0]
-        return slice(max(0, self.S - self.edge - here.start), here.stop - here.start)
-
-
-@dataclass(frozen=True)
-class _Message:
-    """Forward or backward message: weights of each state (K, S), of "before the warp's start" and
-    of "after its end", up to one factor."""
-
-    inside: np.ndarray
-    before: float
-    after: float
-
-    def scaled(self) -> _Message:
-        """The message with largest weight 1."""
-        total = max(float(self.inside.max()), self.before, self.after)
-        return _Message(self.inside / total, self.before / total, self.after / total)
-
-
 def banded_rate_posterior(
     cost: BandedMap,
     prior: RatePrior,
@@ -213,92 +97,125 @@ def banded_rate_posterior(
         cost, unmatched: as in `banded_posterior`; every frame must have a band.
         skipped: cost of a position of the other video before the warp's start or after its end.
     """
-    joint = cost.mapped(lambda rows, columns, values: np.empty_like(values))
-    outside, frames = np.empty(cost.shape[0]), frames_of(cost.bands)
-    for t, inside, no_match in _state_posteriors(cost, prior, unmatched, skipped):
-        _, band, row = frames[t]
-        joint.values[band][row], outside[t] = inside.sum(axis=0), no_match
-    matched, values = np.empty(len(outside)), []
-    for rows, _, part in joint:
-        posterior, matched[rows] = normalised(part, outside[rows])
-        values.append(posterior)
-    return BandedMap(cost.shape, cost.bands, values), matched
+    joint, _, outside = _posterior_weights(cost, prior, unmatched, skipped)
+    return normalised_bands(cost, joint, outside)
 
 
 def rate_posterior(
     cost: Float[np.ndarray, "N S"], prior: RatePrior, *, unmatched: float, skipped: float = 0.0
 ) -> Float[np.ndarray, "N K"]:
     """P(rate k at frame t | matched) over the same warps, rows summing to 1; arguments alike."""
-    joint = np.empty((len(cost), len(prior.share)))
-    for t, inside, _ in _state_posteriors(whole_band(cost), prior, unmatched, skipped):
-        joint[t] = inside.sum(axis=1)
-    return normalised(joint, np.zeros(len(cost)))[0]
+    _, of_rates, _ = _posterior_weights(whole_band(cost), prior, unmatched, skipped)
+    return normalised(of_rates, np.zeros(len(cost)))[0]
 
 
-def _state_posteriors(
+def _posterior_weights(
     cost: BandedMap, prior: RatePrior, unmatched: float | np.ndarray, skipped: float
-) -> Iterator[tuple[int, np.ndarray, float]]:
-    """From the last frame to the first: frame, weights (K, S) of the states of its positions, and
-    of no match.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of the frames' positions, one frame after another, of their rates (N, K), and of no
+    match (N,), each frame's up to one factor."""
+    S = cost.shape[1]
+    edge = min(S, max(1, int(np.ceil(2.0 * float(prior.advance @ prior.share)))))
+    chain = prior.advance, prior.share, np.ascontiguousarray(prior.moves), edge
+    early = np.exp(-skipped * np.arange(S + 1))
+    joint, of_rates, outside = _chain_weights(frame_likelihoods(cost, unmatched), chain, early)
+    return joint, of_rates, outside
 
-    Forward messages are stored at some frames and recomputed between them: memory grows with
+
+@compiled
+def _chain_weights(frames, chain, early):  # type: ignore[no-untyped-def]
+    """`_posterior_weights` by forward and backward messages: weights of the states (rate,
+    position), and two numbers, of "before the warp's start" and of "after its end".
+
+    Forward messages are stored at some frames and computed again between them: memory grows with
     S sqrt(N).
+
+    Args:
+        frames: of `frame_likelihoods`; chain: advance, share and moves of the prior, and how many
+            positions at either end a warp may begin or end at.
+        early: (S + 1,) weights of a warp's first position; the last: of no position at all.
     """
-    N, S = cost.shape
-    likelihoods, chain = _Likelihoods.of(cost, unmatched, prior), _Chain(prior)
-    early = np.exp(-skipped * np.arange(S))
-    here = likelihoods.frames[0][0]
-    message = _Message(
-        prior.share[:, None] * likelihoods.of_frame(0) * early[here] / early.sum(),
-        float(likelihoods.skip[0]),
-        0.0,
-    ).scaled()
+    match, _, begin, width, end = frames
+    N, K, S = len(width), len(chain[1]), len(early) - 1
     stride = max(1, int(np.sqrt(N)))
-    stored = {0: message}
-    for t in range(1, N):
-        message = _forward(message, t, likelihoods, chain).scaled()
+    rows, blocks = stride + 1, (N - 1) // stride + 1
+    messages, stored = np.empty((rows, K, width.max())), np.empty((blocks, K, width.max()))
+    ends, joint = np.empty((N, 2)), np.empty(len(match))
+    of_rates, outside = np.empty((N, K)), np.empty(N)
+    for t in range(N):
+        _forward(t, messages[(t - 1) % rows], messages[t % rows], ends, frames, chain, early)
         if t % stride == 0:
-            stored[t] = message
-    late = early[::-1][likelihoods.frames[N - 1][0]]
-    back = _Message(
-        np.broadcast_to(late, (len(prior.share), len(late))), float(np.exp(-skipped * S)), 1.0
-    )
-    for start in reversed(range(0, N, stride)):
-        stop = min(start + stride, N)
-        messages = [stored.pop(start)]
-        for t in range(start + 1, stop):
-            messages.append(_forward(messages[-1], t, likelihoods, chain).scaled())
-        for t in range(stop - 1, start - 1, -1):
+            stored[t // stride] = messages[t % rows]
+    back, late = np.empty((K, width[-1])), np.array([early[S], 1.0])
+    back[:] = early[:S][::-1][begin[-1] : begin[-1] + width[-1]]
+    for block in range(blocks - 1, -1, -1):
+        first, stop = block * stride, min(block * stride + stride, N)
+        messages[first % rows] = stored[block]
+        for t in range(first + 1, stop):
+            _forward(t, messages[(t - 1) % rows], messages[t % rows], ends, frames, chain, early)
+        for t in range(stop - 1, first - 1, -1):
             if t < N - 1:
-                back = _backward(back, t + 1, likelihoods, chain).scaled()
-            message = messages.pop()
-            no_match = message.before * back.before + message.after * back.after
-            yield t, message.inside * back.inside, no_match
+                back, late = _backward(t, back, late, frames, chain, S)
+            of_frame = joint[end[t] - width[t] : end[t]]
+            of_frame[:] = 0.0
+            for k in range(K):
+                weights = messages[t % rows, k, : width[t]] * back[k]
+                of_frame += weights
+                of_rates[t, k] = weights.sum()
+            outside[t] = ends[t, 0] * late[0] + ends[t, 1] * late[1]
+    return joint, of_rates, outside
 
 
-def _forward(message: _Message, t: int, likelihoods: _Likelihoods, chain: _Chain) -> _Message:
-    """Message of frames 0 to t from that of frames 0 to t - 1."""
-    last, here = likelihoods.frames[t - 1][0], likelihoods.frames[t][0]
-    inside = moved(message.inside, last, here, chain.forward)
-    places, entries = likelihoods.first(t)
-    inside[:, places] += message.before * likelihoods.enter[:, entries]
-    after = message.after + float(message.inside[:, likelihoods.last(t - 1)].sum())
-    return _Message(
-        inside * likelihoods.of_frame(t),
-        message.before * likelihoods.skip[t],
-        after * likelihoods.skip[t],
-    )
+@compiled
+def _forward(t, last, message, ends, frames, chain, early):  # type: ignore[no-untyped-def]
+    """Message of frames 0 to t from that of frames 0 to t - 1, in place, its largest weight 1."""
+    match, skip, begin, width, end = frames
+    advance, share, moves, edge = chain
+    S, reached = len(early) - 1, np.zeros((len(share), width[t]))
+    ends[t] = skip[t], 0.0
+    if t:
+        last = last[:, : width[t - 1]]
+        for k in range(len(share)):
+            _add_advanced(reached[k], last[k], begin[t - 1] - begin[t], advance[k])
+        reached = moves.T @ reached
+        first = np.arange(len(reached[0])) < edge - begin[t]
+        reached += (ends[t - 1, 0] / edge) * share[:, None] * first
+        left = last[:, max(0, S - edge - begin[t - 1]) :].sum()
+        ends[t] = ends[t - 1, 0] * skip[t], (ends[t - 1, 1] + left) * skip[t]
+    else:
+        reached += share[:, None] * early[begin[0] : begin[0] + width[0]] / early[:S].sum()
+    reached *= match[end[t] - width[t] : end[t]]
+    largest = max(reached.max(), ends[t].max())
+    message[:, : width[t]] = reached / largest
+    ends[t] /= largest
 
 
-def _backward(back: _Message, t: int, likelihoods: _Likelihoods, chain: _Chain) -> _Message:
-    """Message of frames t and later to the frame before t."""
-    here, before = likelihoods.frames[t][0], likelihoods.frames[t - 1][0]
-    match = back.inside * likelihoods.of_frame(t)
-    inside, skip = moved(match, here, before, chain.backward), likelihoods.skip[t]
-    inside[:, likelihoods.last(t - 1)] += back.after * skip
-    places, entries = likelihoods.first(t)
-    enter = float((likelihoods.enter[:, entries] * match[:, places]).sum())
-    return _Message(inside, enter + back.before * skip, back.after * skip)
+@compiled
+def _backward(t, back, late, frames, chain, S):  # type: ignore[no-untyped-def]
+    """Message of frames t + 1 and later to frame t from that of frames t + 2 and later."""
+    match, skip, begin, width, end = frames
+    advance, share, moves, edge = chain
+    back = back * match[end[t + 1] - width[t + 1] : end[t + 1]]
+    turned, come = (moves @ back)[:, ::-1], np.zeros((len(share), width[t]))
+    apart = begin[t] + width[t] - begin[t + 1] - width[t + 1]  # of the last positions
+    for k in range(len(share)):
+        _add_advanced(come[k, ::-1], turned[k], apart, advance[k])
+    come[:, max(0, S - edge - begin[t]) :] += late[1] * skip[t + 1]
+    enter = share @ back[:, : max(0, edge - begin[t + 1])].sum(axis=1) / edge
+    late = np.array([enter + late[0] * skip[t + 1], late[1] * skip[t + 1]])
+    largest = max(come.max(), late.max())
+    return come / largest, late / largest
+
+
+@compiled
+def _add_advanced(target, weights, offset, advance):  # type: ignore[no-untyped-def]
+    """Add the weights of positions, advanced by a step, to those of a target; what leaves it is
+    lost. offset: of the first position from the target's."""
+    whole = int(advance)
+    for step, share in ((whole, 1.0 + whole - advance), (whole + 1, advance - whole)):
+        shift = offset + step
+        for place in range(max(0, -shift), min(len(weights), len(target) - shift)):
+            target[place + shift] += share * weights[place]
 
 
 COARSE_FRAMES = 120  # of each video, evenly spaced
