@@ -22,9 +22,9 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 339,
-    "lines of the core": 71_105,
+    "lines of the core": 71_103,
     "packages of the core": 40,
-    "public names of the core": 3_989,
+    "public names of the core": 3_988,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 12,

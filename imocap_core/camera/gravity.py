@@ -15,7 +15,6 @@ from imocap_core.camera.tilt_evidence import (
     ANKLES,
     BALLS,
     ELBOWS,
-    LEAN_AHEAD,
     PART_RADII_M,
     PARTS,
     WRISTS,
@@ -287,8 +286,8 @@ class _Stance:
         sight, plane = self.R_cam_from_world[2], plane_cost(up, self.support)
         feet = balance_cost(up, self.support, sight) + plane
         feet += TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
-        others = carried_cost(up, self.support, sight, LEAN_AHEAD)
-        hands = hanging_cost(up, self.support, sight, LEAN_AHEAD)
+        others = carried_cost(up, self.support, sight)
+        hands = hanging_cost(up, self.support, sight)
         bench = resting_cost(up, self.support, sight) + plane - RESTING_COST
         count = min(self.count, OTHER_OBSERVATIONS)
         costs = np.stack([self.count * feet, count * others, count * hands, count * bench])

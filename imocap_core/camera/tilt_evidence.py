@@ -38,11 +38,9 @@ UNSEEN_SHARE = 0.01  # weight of an unseen foot: it tells the ground where no ot
 PLANE_QUANTILE = 0.5
 
 PELVIS, NECK = SMPL_JOINTS.index("pelvis"), SMPL_JOINTS.index("neck")
-BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in SIDES]
-ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in SIDES]
-WRISTS, KNEES, HIPS, SHOULDERS, ELBOWS = (
+BALLS, ANKLES, WRISTS, KNEES, HIPS, SHOULDERS, ELBOWS = (
     [SMPL_JOINTS.index(f"{side}_{part}") for side in SIDES]
-    for part in ("wrist", "knee", "hip", "shoulder", "elbow")
+    for part in ("foot", "ankle", "wrist", "knee", "hip", "shoulder", "elbow")
 )
 LIMB_SHARES = np.concatenate(
     [
@@ -56,11 +54,7 @@ elbows, the seat, the upper back."""
 LIMB_RADII_M = np.repeat([0.045, 0.05, 0.06, 0.1, 0.08, 0.04], 2)
 """Depths below the skin of those whose height tells whether they support."""
 LIMBS_OF_STANDING = 6  # feet, wrists, knees: the others carry who lies
-PARTS = [
-    *(BALLS + ANKLES + WRISTS + KNEES + HIPS),
-    SMPL_JOINTS.index("head"),
-    *(SHOULDERS + ELBOWS),
-]
+PARTS = BALLS + ANKLES + WRISTS + KNEES + HIPS + [SMPL_JOINTS.index("head")] + SHOULDERS + ELBOWS
 PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
 """Joints of parts that may carry a body which lies, kneels or stands on its hands, and their
 depths below the skin, of the free body."""
@@ -234,24 +228,19 @@ def _density_cost(
 ) -> Float[np.ndarray, " U"]:
     """Of the centre of mass over limbs that carry it by their shares; the mean over moments."""
     unseen = _of_unseen(share, support)
-    squared, determinant = _off_middle(
-        up, support, support.limbs, share, (sight, LEAN_AHEAD), unseen
-    )
+    squared, determinant = _off_middle(up, support, support.limbs, share, sight, unseen)
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     return np.asarray((cost + np.log(determinant / SWAY_M**4)).mean(axis=1))
 
 
 def carried_cost(
-    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, " U"]:
     """The centre of mass is above the lowest parts, whichever they are, and these are on one height
-    while they stand still; nothing is below it. The mean over moments.
-
-    ahead: error of the pose along the line of sight, as a share of the centre's height.
-    """
+    while they stand still; nothing is below it. The mean over moments."""
     height = np.einsum("npc,uc->upn", support.parts, up) - PART_RADII_M[:, None]
     share = _by_height(height)
-    squared, _ = _off_middle(up, support, support.parts, share, (sight, ahead))
+    squared, _ = _off_middle(up, support, support.parts, share, sight)
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     return np.asarray(cost.mean(axis=1)) + _floor_cost(height, share, support.parts_m_s)
 
@@ -270,12 +259,12 @@ def _floor_cost(
 
 
 def hanging_cost(
-    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, " U"]:
     """The centre of mass is well below the hands, and under them; the mean over moments."""
     wrists = support.parts[:, WRIST_PARTS]
     share = np.full((len(up), wrists.shape[1], len(wrists)), 0.5)
-    squared, _ = _off_middle(up, support, wrists, share, (sight, ahead))
+    squared, _ = _off_middle(up, support, wrists, share, sight)
     below = (wrists.mean(axis=1) - support.centre) @ up.T
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     cost += _student(np.minimum(below.T - HANGING_M, 0.0) / PLANE_M, PLANE_DOF)
@@ -287,7 +276,7 @@ def _off_middle(
     support: Support,
     points: Float[np.ndarray, "N S 3"],
     share: Float[np.ndarray, "U S N"],
-    error: tuple[Float[np.ndarray, "3"], float],
+    sight: Float[np.ndarray, "3"],
     variance: float | Float[np.ndarray, "U N"] = 0.0,
 ) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
     """Squared horizontal distance of the centre of mass from the middle of points that carry it, in
@@ -296,7 +285,6 @@ def _off_middle(
     The distance is compared with the points' extent, the body's sway and the pose's errors: along
     the line of sight their size is a share of the centre's height; variance: of the middle, m^2.
     """
-    sight, ahead = error
     axes = np.stack([up, *perpendicular(up)])  # (3, U, 3): up, and two horizontal directions
     moments, count, _ = points.shape
     placed = axes @ points.swapaxes(0, 1).reshape(-1, 3).T
@@ -306,7 +294,7 @@ def _off_middle(
     apart_x, apart_y = placed[1:] - middle[1:, :, None]
     free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
     free += variance
-    along = (ahead**2 - LEAN_ACROSS**2) * height**2
+    along = (LEAN_AHEAD**2 - LEAN_ACROSS**2) * height**2
     ahead_x, ahead_y = (axes[1:] @ sight)[..., None]
     weighted_x = share * apart_x
     a = 0.5 * (weighted_x * apart_x).sum(axis=1) + along * ahead_x**2 + free

@@ -16,27 +16,19 @@ COUNT = 40
 
 
 @pytest.mark.parametrize(
-    ("cuts", "expected"),
+    ("cuts", "unseen", "declared", "expected"),
     [
-        ([], (10, 110)),
-        ([109], (10, 109)),
-        ([13, 100], (13, 100)),
-        ([12, 14, 60], (60, 110)),
-        ([60], (10, 60)),
-        ([25], (25, 110)),
+        ([], 0, None, (10, 110)),
+        ([13, 100], 0, None, (13, 100)),
+        ([60], 0, None, (10, 60)),
+        ([80], 60, None, (80, 110)),
+        ([30, 80], 0, 85, (80, 110)),
+        ([30, 80], 0, 5, (30, 80)),
     ],
 )
-def test_the_longest_shot_is_used(cuts: list[int], expected: tuple[int, int]) -> None:
-    assert longest_shot(cuts, np.arange(10, 110), [1] * 100) == expected
-
-
-def test_of_two_shots_the_one_that_shows_somebody_for_longer_is_used() -> None:
-    assert longest_shot([80], np.arange(10, 110), [0] * 60 + [2] * 40) == (80, 110)
-
-
-def test_the_shot_in_which_somebody_is_declared_is_used() -> None:
-    assert longest_shot([30, 80], np.arange(10, 110), [1] * 100, 85) == (80, 110)
-    assert longest_shot([30, 80], np.arange(10, 110), [1] * 100, 5) == (30, 80)
+def test_the_shot_of_who_is_declared_or_seen_for_longest_is_used(cuts, unseen, declared, expected):
+    people = [0] * unseen + [1] * (100 - unseen)
+    assert longest_shot(cuts, np.arange(10, 110), people, declared) == expected
 
 
 @pytest.mark.parametrize(("first", "stop"), [(0, 39), (0, 25), (1, 40), (2, 39), (0, 40)])
