@@ -21,9 +21,9 @@ _SMALL_RAD2 = 1e-4  # below this squared angle, series are exact to round-off an
 
 
 def for_processor(values: Tensor) -> bool:
-    """Whether LAPACK and compiled loops take them: on a processor, in double precision, and nothing
-    asks for derivatives."""
-    return not (values.is_cuda or values.requires_grad) and values.dtype == torch.float64
+    """Whether compiled loops take them: double, on a processor, no derivatives are asked for."""
+    traced = values.requires_grad or torch._C._functorch.is_functorch_wrapped_tensor(values)
+    return not (values.is_cuda or traced) and values.dtype == torch.float64
 
 
 def hat(vector: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:

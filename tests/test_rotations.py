@@ -28,7 +28,8 @@ def some_rotations(*leading: int, seed: int = 1) -> torch.Tensor:
 @pytest.mark.parametrize("angle", ANGLES_RAD)
 def test_exp_agrees_with_scipy(angle: float) -> None:
     expected = Rotation.from_rotvec((angle * axes()).numpy()).as_matrix()
-    np.testing.assert_allclose(so3.exp(angle * axes()), expected, atol=1e-14)
+    for exp in (so3.exp, torch.func.vmap(so3.exp)):
+        np.testing.assert_allclose(exp(angle * axes()), expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("angle", ANGLES_RAD)

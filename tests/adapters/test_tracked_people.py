@@ -20,14 +20,13 @@ COUNT = 40
     [
         ([], 0, None, (10, 110)),
         ([13, 100], 0, None, (13, 100)),
-        ([60], 0, None, (10, 60)),
         ([80], 60, None, (80, 110)),
         ([30, 80], 0, 85, (80, 110)),
         ([30, 80], 0, 5, (30, 80)),
     ],
 )
 def test_the_shot_of_who_is_declared_or_seen_for_longest_is_used(cuts, unseen, declared, expected):
-    people = [0] * unseen + [1] * (100 - unseen)
+    people = [int(t >= unseen) for t in range(100)]
     assert longest_shot(cuts, np.arange(10, 110), people, declared) == expected
 
 
