@@ -55,11 +55,7 @@ POSTURES: dict[str, dict[str, tuple[float, float, float]]] = {
         "knee": (80.0, 0.0, 0.0),
         "shoulder": (0.0, -80.0, 0.0),
     },
-    "shoulders on a bench": {
-        "pelvis": (-45.0, 0.0, 0.0),
-        "hip": (-30.0, 0.0, 0.0),
-        "knee": (50.0, 0.0, 0.0),
-    },
+    "shoulders on a bench": {"pelvis": (-60.0, 0.0, 0.0), "knee": (50.0, 0.0, 0.0)},
     "hanging": {"shoulder": (0.0, 0.0, 110.0), "hip": (-80.0, 0.0, 0.0)},
 }
 
