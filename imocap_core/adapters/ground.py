@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from imocap_core.adapters.observations import joints_seen
+from imocap_core.adapters.observations import limbs_seen
 from imocap_core.artifacts.schemas import (
     Camera,
     CameraMotion,
@@ -94,7 +94,7 @@ def grounds_of(
 def _filmed(
     joints: Float[np.ndarray, "T 24 3"], video: VideoKeypoints, R: Float[np.ndarray, "3 3"]
 ) -> FilmedBody:
-    return FilmedBody(joints, video.fps, R, joints_seen(video).astype(float))
+    return FilmedBody(joints, video.fps, R, limbs_seen(video).astype(float))
 
 
 def held_deg(

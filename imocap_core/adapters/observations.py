@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -104,29 +105,25 @@ def observations_of(
                 performer=people.index(video.performer),
                 centre_m=centre,
                 place_sd_m=place_sd,
-                joints_seen=joints_seen(video),
+                joints_seen=limbs_seen(video),
             )
         )
     return observations
 
 
-OF_LIMBS = {"ankle": ("ankle", "foot"), "knee": ("knee",), "elbow": ("elbow",)} | {
-    "wrist": ("wrist", "hand")
-}
-"""SMPL's joints of a limb's keypoint."""
+BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well
 SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
 
 
-def joints_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
+def limbs_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
     """Whether each of SMPL's joints is seen in each frame: those of arms and legs by their
     keypoints, the others always."""
     names = layout_names(video.layout)
     shown = np.ones((len(video.frames), len(SMPL_JOINTS)), dtype=bool)
-    for limb, parts in OF_LIMBS.items():
-        for side in SIDES:
-            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in parts]
-            if (name := f"{side}_{limb}") in names:
-                shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
+    for side, limb in product(SIDES, BEYOND):
+        if (name := f"{side}_{limb}") in names:
+            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in (limb, *BEYOND[limb])]
+            shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
     return shown
 
 

@@ -20,7 +20,7 @@ from imocap_core.camera.tilt_evidence import (
     WRISTS,
     LevelPrior,
     Support,
-    balance_cost,
+    balance_costs,
     camera_angles_deg,
     camera_cost,
     carried_cost,
@@ -29,7 +29,6 @@ from imocap_core.camera.tilt_evidence import (
     plane_cost,
     planted_feet,
     planted_weight,
-    resting_cost,
     support_of,
     trunk_cost,
     weighted_quantile,
@@ -284,11 +283,11 @@ class _Stance:
         """As if the pose were right: the body stands on its feet, upright more often than not; or,
         throughout a video, other parts or furniture carry it, and nothing is known of its trunk."""
         sight, plane = self.R_cam_from_world[2], plane_cost(up, self.support)
-        feet = balance_cost(up, self.support, sight) + plane
-        feet += TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
+        stands, rests = balance_costs(up, self.support, sight)
+        feet = stands + plane + TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
         others = carried_cost(up, self.support, sight)
         hands = hanging_cost(up, self.support, sight)
-        bench = resting_cost(up, self.support, sight) + plane - RESTING_COST
+        bench = rests + plane - RESTING_COST
         count = min(self.count, OTHER_OBSERVATIONS)
         costs = np.stack([self.count * feet, count * others, count * hands, count * bench])
         return _mixed(costs, BY_WHAT)

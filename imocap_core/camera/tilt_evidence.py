@@ -54,6 +54,7 @@ elbows, the seat, the upper back."""
 LIMB_RADII_M = np.repeat([0.045, 0.05, 0.06, 0.1, 0.08, 0.04], 2)
 """Depths below the skin of those whose height tells whether they support."""
 LIMBS_OF_STANDING = 6  # feet, wrists, knees: the others carry who lies
+SEAT_ALONE = np.array([[1.0], [0.0]])  # of what rests: not the upper back
 PARTS = BALLS + ANKLES + WRISTS + KNEES + HIPS + [SMPL_JOINTS.index("head")] + SHOULDERS + ELBOWS
 PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
 """Joints of parts that may carry a body which lies, kneels or stands on its hands, and their
@@ -199,25 +200,17 @@ def plane_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarr
     return np.asarray(cost @ support.planted / support.planted.sum())
 
 
-def balance_cost(
+def balance_costs(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, " U"]:
-    """The centre of mass is above the limbs that stand on the ground; the mean over moments.
+) -> tuple[Float[np.ndarray, " U"], Float[np.ndarray, " U"]]:
+    """The centre of mass is above what stands on the ground and the seat; or, where a bench or a
+    wall carries the upper back, above that as well. The mean over moments.
 
-    A density of the centre's place: narrow supports claim more of it than wide ones.
+    Densities of the centre's place: narrow supports claim more of it than wide ones.
     """
-    return _density_cost(up, support, sight, support_shares(up, support, lying=False))
-
-
-def resting_cost(
-    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, " U"]:
-    """The same where a bench or a wall carries the seat or the upper back as well."""
     share, rests = _shares(up, support, LIMBS_OF_STANDING)
-    rest = SEAT_SHARE * rests * share[:, None, : len(BALLS)].sum(axis=2) ** 2
-    rest *= rests.max(axis=1, keepdims=True) / np.maximum(rests.sum(axis=1, keepdims=True), 1e-9)
-    share = np.concatenate([(1 - rest.sum(axis=1))[:, None] * share, rest], axis=1)
-    return _density_cost(up, support, sight, share)
+    seated = _density_cost(up, support, sight, _with_rests(share, SEAT_ALONE * rests))
+    return seated, _density_cost(up, support, sight, _with_rests(share, rests))
 
 
 def _density_cost(
@@ -227,8 +220,9 @@ def _density_cost(
     share: Float[np.ndarray, "U 14 N"],
 ) -> Float[np.ndarray, " U"]:
     """Of the centre of mass over limbs that carry it by their shares; the mean over moments."""
-    unseen = _of_unseen(share, support)
-    squared, determinant = _off_middle(up, support, support.limbs, share, sight, unseen)
+    used, unseen = share.any(axis=(0, 2)), _of_unseen(share, support)
+    limbs = support.limbs[:, used]
+    squared, determinant = _off_middle(up, support, limbs, share[:, used], sight, unseen)
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     return np.asarray((cost + np.log(determinant / SWAY_M**4)).mean(axis=1))
 
@@ -340,8 +334,17 @@ def support_shares(
     seat, whose height nobody knows. Not lying: hips, shoulders and elbows do not count.
     """
     share, rests = _shares(up, support, len(LIMB_RADII_M) if lying else LIMBS_OF_STANDING)
-    seat = SEAT_SHARE * rests[:, 0] * share[:, : len(BALLS)].sum(axis=1) ** 2
-    return np.concatenate([(1 - seat)[:, None] * share, np.stack([seat, 0 * seat], 1)], axis=1)
+    return _with_rests(share, SEAT_ALONE * rests)
+
+
+def _with_rests(
+    share: Float[np.ndarray, "U 12 N"], rests: Float[np.ndarray, "U 2 N"]
+) -> Float[np.ndarray, "U 14 N"]:
+    """Shares of limbs and of what rests on something, by how surely: as far as feet carry the
+    others."""
+    most = rests.max(axis=1, keepdims=True) / np.maximum(rests.sum(axis=1, keepdims=True), 1e-9)
+    rest = SEAT_SHARE * rests * most * share[:, None, : len(BALLS)].sum(axis=2) ** 2
+    return np.concatenate([(1 - rest.sum(axis=1))[:, None] * share, rest], axis=1)
 
 
 def _shares(
