@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import product
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from imocap_core.adapters.observations import limbs_seen
 from imocap_core.artifacts.schemas import (
     Camera,
     CameraMotion,
@@ -21,9 +21,11 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import Model
+from imocap_core.body.layouts import layout_names
 from imocap_core.camera.gravity import BodyMotion, Extrinsics, FilmedBody, estimate_ground, to_world
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import LevelPrior, camera_angles_deg
+from imocap_core.conventions import SIDES, SMPL_JOINTS
 from imocap_core.motion.hands_on_ground import hands_on_ground
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp, log, unwrap
@@ -95,6 +97,22 @@ def _filmed(
     joints: Float[np.ndarray, "T 24 3"], video: VideoKeypoints, R: Float[np.ndarray, "3 3"]
 ) -> FilmedBody:
     return FilmedBody(joints, video.fps, R, limbs_seen(video).astype(float))
+
+
+BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well
+SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
+
+
+def limbs_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
+    """Whether each of SMPL's joints is seen in each frame: those of arms and legs by their
+    keypoints, the others always."""
+    names = layout_names(video.layout)
+    shown = np.ones((len(video.frames), len(SMPL_JOINTS)), dtype=bool)
+    for side, limb in product(SIDES, BEYOND):
+        if (name := f"{side}_{limb}") in names:
+            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in (limb, *BEYOND[limb])]
+            shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
+    return shown
 
 
 def held_deg(

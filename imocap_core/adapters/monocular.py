@@ -269,8 +269,7 @@ def fit_single_video(
 ) -> InitialSmpl:
     """The motion of lowest cost of one video, its alternatives, and the ground under it.
 
-    alone: no other video can choose among alternatives, so there are none, or tell how far the
-    body leans, so it balances.
+    alone: no other video can choose among alternatives, so there are none.
     """
     keypoints, cameras = single.keypoints, single.cameras
     problem = SingleProblem.of(single, libraries, fit, options)
@@ -283,8 +282,7 @@ def fit_single_video(
         observations = problem.observed(units)
     solved = fit_monocular(
         body, prior, observations, [problem.starts(observations[0])], weights,
-        stride=single.stride(options), max_steps=options.max_steps, balance=alone,
-        progress=progress,
+        stride=single.stride(options), max_steps=options.max_steps, progress=progress,
     )  # fmt: skip
     motions = motions_of(body, solved.state, observations, keypoints)
     progress("other motions that may explain the video")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.artifacts.schemas import (
@@ -24,12 +23,10 @@ from imocap_core.artifacts.schemas import (
     StartFit,
     SwappedSides,
     VideoCameraMotion,
-    VideoKeypoints,
     VideoMotion,
 )
 from imocap_core.body import load_free_body
-from imocap_core.body.layouts import layout_names, layouts
-from imocap_core.conventions import SIDES, SMPL_JOINTS
+from imocap_core.body.layouts import layouts
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS
 from imocap_core.motion.monocular.hypotheses import MotionHypothesis
 from imocap_core.motion.multiview import scene
@@ -101,30 +98,12 @@ def observations_of(
                 (joints or {}).get(video.id),
                 noise_share=noise_share_of(video.layout, fit),
                 focal_spread=fit.focal_spread if camera.focal_source == "assumed" else 0.0,
-                R_mean_from_first=camera.R_first_from_frame.mean(axis=0).T,
                 performer=people.index(video.performer),
                 centre_m=centre,
                 place_sd_m=place_sd,
-                joints_seen=limbs_seen(video),
             )
         )
     return observations
-
-
-BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well
-SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
-
-
-def limbs_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
-    """Whether each of SMPL's joints is seen in each frame: those of arms and legs by their
-    keypoints, the others always."""
-    names = layout_names(video.layout)
-    shown = np.ones((len(video.frames), len(SMPL_JOINTS)), dtype=bool)
-    for side, limb in product(SIDES, BEYOND):
-        if (name := f"{side}_{limb}") in names:
-            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in (limb, *BEYOND[limb])]
-            shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
-    return shown
 
 
 def performers_of(keypoints: Keypoints) -> list[str | None]:

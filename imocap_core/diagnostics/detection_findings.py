@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from imocap_core.adapters.observations import SEEN
+from imocap_core.adapters.ground import SEEN
 from imocap_core.artifacts.schemas import (
     Keypoints,
     SmplBa,

@@ -28,13 +28,11 @@ class Observation:
         joints: (T, 24, 3) a monocular estimator's joints in metres, NaN where not given, or None.
         noise_share: detector noise (one standard deviation) as a share of the person's size.
         focal_spread: standard deviation of the logarithm of K's focal length; 0: it is known.
-        R_mean_from_first: (3, 3) mean rotation of the turning camera relative to its first frame.
         performer: number of the person shown, from 0; videos of one share a body shape.
         centre_m: (T, 3) place of a camera that moves, in its first frame's axes, or None: on one
             spot, or unknown.
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
-        joints_seen: (T, 24) whether each of SMPL's joints is seen, or None: all are.
         swapped: (T,) which sides of the detections are swapped in these keypoints (states of
             `sync.hypotheses.swapped_by_others`), or None: none.
     """
@@ -46,19 +44,10 @@ class Observation:
     joints: Float[np.ndarray, "T 24 3"] | None = None
     noise_share: float = field(kw_only=True)
     focal_spread: float = 0.0
-    R_mean_from_first: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     performer: int = 0
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
-    joints_seen: Bool[np.ndarray, "T 24"] | None = None
     swapped: Int[np.ndarray, " T"] | None = None
-
-    @property
-    def joints_shown(self) -> Float[np.ndarray, "T 24"]:
-        """`joints_seen` as numbers, 1 where it is not given."""
-        if self.joints_seen is None:
-            return np.ones((len(self.xy_px), 24))
-        return self.joints_seen.astype(float)
 
     @property
     def swapped_states(self) -> Int[np.ndarray, " T"]:
@@ -81,7 +70,6 @@ class Observation:
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
     joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
-    swapped, shown = observation.swapped, observation.joints_seen
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
@@ -90,8 +78,7 @@ def every(observation: Observation, stride: int) -> Observation:
         joints=None if joints is None else joints[::stride],
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
-        swapped=None if swapped is None else swapped[::stride],
-        joints_seen=None if shown is None else shown[::stride],
+        swapped=None if observation.swapped is None else observation.swapped[::stride],
     )
 
 

@@ -95,11 +95,6 @@ class FitParams:
         "Standard deviation of the 3D joints of a monocular estimator, where the action names one.",
         unit="mm",
     )
-    balance: NonNegative = param(
-        16.0,
-        "Weight of the squared horizontal distance, in standard deviations, of the centre of mass "
-        "from the middle of its support, where no second view tells how far the body leans.",
-    )
     camera_roll_deg: Positive = param(
         2.0,
         "Standard deviation of a camera's roll: cameras are held level, which tells where up is "

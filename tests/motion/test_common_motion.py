@@ -1,4 +1,4 @@
-"""Focal lengths come back where the videos show one motion; balance acts where no view does."""
+"""Focal lengths come back where the videos show one motion."""
 
 from dataclasses import replace
 
@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.common_motion import balance_along_sight, unknowns_of
+from imocap_core.motion.multiview.common_motion import unknowns_of
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import Term
-from imocap_core.motion.terms.contact import share_of_balance
-from imocap_core.params import FitParams, MotionParams
+from imocap_core.params import MotionParams
 from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes
-from tests.motion.test_terms import leaning
 
 TURNS_DEG = [0.0, 75.0, -80.0, 170.0]
 OFF = np.array([1.12, 0.9, 1.0, 0.86])  # of the true focal lengths
@@ -98,32 +95,3 @@ def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) ->
     still = replace(state, log_focal=torch.zeros_like(state.log_focal))
     assert float(elsewhere.cost(still)) == pytest.approx(0.0, abs=1e-12)
     assert float(prior.cost(moved)) == pytest.approx(FRAMES / SPREAD**2 * 4 * 0.1**2)
-
-
-def along_sight(turns_deg: list[float], motion: MotionState, feet: bool = True) -> list[Term]:
-    """Balance of a motion that these views show throughout, with its feet or without."""
-    made = scene(FRAMES, turns_deg, np.random.default_rng(3))
-    shown = [np.ones(FRAMES)] * len(turns_deg)
-    timeline = make_timeline([np.arange(float(FRAMES))] * len(shown), shown, FRAMES)
-    steady = FitParams(camera_pitch_deg=3.0)
-    views = [replace(o, joints_seen=np.full((FRAMES, 24), feet)) for o in made.observations]
-    filmed = Scene(made.body, wide_prior(), views, timeline, shown, 0, steady)
-    return balance_along_sight(filmed, motion, made.cameras())
-
-
-def test_a_lean_along_the_only_line_of_sight_costs_and_across_others_does_not() -> None:
-    lean = leaning(0.4, FRAMES)
-    (term,) = along_sight([0.0, 2.0, 4.0, 182.0], lean)
-    assert float(term.cost(leaning(0.0, FRAMES))) < 0.25 * float(term.cost(lean))
-    assert along_sight([0.0, 70.0], lean) == []
-    assert along_sight([0.0, 2.0], lean, feet=False) == []
-
-
-def test_balance_counts_where_all_that_show_a_moment_look_along_one_line() -> None:
-    made = scene(FRAMES, [0.0, 3.0, 80.0], np.random.default_rng(3))
-    root = made.body.positions(made.body.joints, made.state)[0, :, 0].numpy()
-    shown = np.ones((3, FRAMES))
-    shown[2, 10:] = 0.0
-    share = share_of_balance(root, made.R, made.t, shown, fps=8.0)
-    assert (share[:14] == 0).all()  # half a second beyond what the third view shows
-    assert (share[14:] > 0.9).all()

@@ -8,14 +8,11 @@ import pytest
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.camera.gravity import FilmedBody
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.gauss_newton import linearise, objective
-from imocap_core.motion.monocular.fit import arms_above_support, balance_terms
 from imocap_core.motion.prior import mixture
 from imocap_core.motion.state import FRAME_UNKNOWNS, Body, MotionState
 from imocap_core.motion.terms import (
-    Balance,
     FocalPrior,
     FootContact,
     HingeLimits,
@@ -40,10 +37,7 @@ from imocap_core.motion.terms.body_priors import (
 from imocap_core.motion.terms.contact import foot_contact_share
 from imocap_core.motion.terms.reprojection import whitened
 from imocap_core.motion.terms.view import project, with_rigid_offset
-from imocap_core.params import FitParams
 from imocap_core.rotations import exp, inverse_right_jacobian, log
-from tests.camera.standing import standing
-from tests.motion.made import FACING, scene
 
 B, T, POINTS = 2, 5, 25
 
@@ -119,12 +113,6 @@ def pose_prior(_: Body, __: MotionState) -> Term:
     return PosePriorTerm(mixture(means, covariance, np.ones(3) / 3, np.ones(24), np.ones(24)), 0.3)
 
 
-def arm_weights() -> torch.Tensor:
-    """Weights of joints that give a difference of two means."""
-    weights = normal(B, T, 24, seed=21)
-    return weights - weights.mean(-1, keepdim=True)
-
-
 TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
     "reprojection of two performers": of_two_performers,
@@ -139,7 +127,6 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "foot speeds": lambda b, s: FootContact(b, 40.0, 1.5),
     "foot contact": lambda b, s: FootContact(b, normal(B, T - 1, 4, seed=13).abs(), 1.5),
     "joint acceleration": lambda b, s: JointAcceleration(b, 30.0, 1e-3),
-    "balance": lambda b, s: Balance(b, arm_weights(), normal(B, T, 2, 3, seed=22), 2.0, 1.5),
     "path": lambda b, s: PathSmoothness(3.0, 2.0),
     "pose coupling": lambda b, s: PoseCoupling(
         exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)
@@ -372,54 +359,6 @@ def test_nothing_acts_within_the_ranges() -> None:
     state = state_of(theta)
     assert HingeLimits(5.0).cost(state).tolist() == [0.0]
     assert not linearise([HingeLimits(5.0)], state).gradient.any()
-
-
-DEPTH = torch.tensor([0.0, 0.0, 4.0], dtype=torch.float64)
-
-
-def leaning(lean_rad: float, frames: int = 20) -> MotionState:
-    """A body at rest that faces a level camera and leans away from it."""
-    R = exp(torch.zeros(1, frames, 24, 3, dtype=torch.float64))
-    lean = torch.tensor([lean_rad, 0.0, 0.0], dtype=torch.float64)
-    R[:, :, 0] = exp(FACING) @ exp(-lean)
-    trans = DEPTH.expand(1, frames, 3)
-    valid = torch.ones(1, frames, dtype=torch.bool)
-    return MotionState.of(R, trans, torch.zeros(1, 10, dtype=torch.float64), valid)
-
-
-@pytest.mark.parametrize("lean_rad", [-0.8, 0.8])
-def test_a_body_that_falls_is_costlier_than_one_above_its_feet(lean_rad: float) -> None:
-    made = scene(20, [0.0], np.random.default_rng(0))
-    steady = FitParams(camera_pitch_deg=3.0)
-    (term,) = balance_terms(made.body, leaning(lean_rad), made.observations, steady)
-    half, upright = term.cost(leaning(lean_rad / 2)), term.cost(leaning(0.0))
-    assert float(upright) < 0.5 * float(half) < 0.5 * float(term.cost(leaning(lean_rad)))
-
-
-def test_a_weight_of_0_and_unseen_feet_leave_it_out() -> None:
-    made = scene(20, [0.0], np.random.default_rng(0))
-    assert balance_terms(made.body, leaning(0.1), made.observations, FitParams(balance=0.0)) == []
-    unseen = [replace(o, joints_seen=np.zeros((20, 24), dtype=bool)) for o in made.observations]
-    (term,) = balance_terms(made.body, leaning(0.5), unseen, FitParams())
-    assert float(term.cost(leaning(0.5))) == 0.0
-
-
-def test_the_arm_is_from_the_middle_of_the_feet_to_the_centre_of_mass() -> None:
-    joints = standing(10)
-    filmed = FilmedBody(joints, 25.0, np.eye(3))
-    weights, whiten = arms_above_support(filmed, np.array([0.0, 1.0, 0.0]))
-    np.testing.assert_allclose(weights.sum(axis=1), 0.0, atol=1e-12)
-    arm = np.einsum("tj,tjc->tc", weights, joints)
-    assert (arm[:, 1] > 0.8).all()
-    assert (np.linalg.norm(whiten @ arm[..., None], axis=1) < 1).all()
-    np.testing.assert_allclose(whiten @ [0.0, 1.0, 0.0], 0.0, atol=1e-12)
-
-
-def test_a_motion_of_the_batch_by_itself_has_its_frames() -> None:
-    made = scene(20, [0.0], np.random.default_rng(0))
-    (term,) = balance_terms(made.body, leaning(0.3), made.observations, FitParams())
-    short = leaning(0.3, frames=5)
-    assert float(term.of(0, 5).cost(short)[0]) < float(term.cost(leaning(0.3))[0])
 
 
 BODY = load_free_body()

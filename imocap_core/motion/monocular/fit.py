@@ -1,9 +1,8 @@
 """The initial SMPL motion of each video by itself (section 3.2, "Initialization").
 
-Balance of monocular fits: one view hardly shows how far a body leans to or from the camera. Each
-start is refined by minimising the reprojection error with the priors that a single view needs; the
-robust loss narrows meanwhile. Of several starts the one of the lowest objective is the result; all
-objectives are reported.
+Each start is refined by minimising the reprojection error with the priors that a single view
+needs; the robust loss narrows meanwhile. Of several starts the one of the lowest objective is the
+result; all objectives are reported.
 
 The unit of a moving camera's path in metres: by the performer's size and feet. Structure from
 motion leaves the unit of length open. With a wrong one the performer, whose size tells metres,
@@ -21,20 +20,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from imocap_core.body.kinematics import JOINT_MASS_SHARES
-from imocap_core.camera.gravity import FilmedBody, estimate_up
 from imocap_core.camera.projection import normalised
-from imocap_core.camera.tilt_evidence import (
-    ANKLES,
-    DYNAMIC_S,
-    LIMB_SHARES,
-    SWAY_M,
-    LevelPrior,
-    perpendicular,
-    support_of,
-    support_shares,
-    support_under,
-)
 from imocap_core.motion.gauss_newton import gauss_newton, objective
 from imocap_core.motion.monocular.starts import Start, interpolate_rotations
 from imocap_core.motion.multiview.timeline import sample
@@ -42,7 +28,6 @@ from imocap_core.motion.observations import Observation, every, padded, per_vide
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import (
-    Balance,
     FootContact,
     HingeLimits,
     JointAcceleration,
@@ -56,77 +41,11 @@ from imocap_core.motion.terms import (
 )
 from imocap_core.params import FitParams
 
-REACH = 0.1  # further deviation, as a share of the height: people do lean
-SCALE_SIGMAS = 2.0  # beyond it the cost grows only logarithmically: people also fall and jump
-
-
-def balance_terms(
-    body: Body, state: MotionState, observations: Sequence[Observation], weights: FitParams
-) -> list[Term]:
-    """Balance of an action's only video where it shows a foot: several from different sides tell
-    how far a body leans, and who balances on one leg would be drawn off the truth
-    (`docs/motion.md`); unseen feet would be drawn under whatever the body does."""
-    if weights.balance == 0:
-        return []
-    joints = body.positions(body.joints, state).detach().cpu().numpy()
-    filmed = [
-        [FilmedBody(x[: len(o.xy_px)], o.fps, o.R_mean_from_first, o.joints_shown)]
-        for x, o in zip(joints, observations, strict=True)
-    ]
-    shares = [o.joints_shown[:, ANKLES].max(axis=1) for o in observations]
-    return [balance_term(body, state, filmed, weights, shares)]
-
-
-def balance_term(
-    body: Body,
-    state: MotionState,
-    filmed: Sequence[Sequence[FilmedBody]],
-    weights: FitParams,
-    shares: Sequence[Float[np.ndarray, " T"]],
-) -> Term:
-    """Balance over the limbs that support each motion, under the up that its cameras tell.
-
-    Support and up are those of ``state``, constant in the term.
-
-    Args:
-        filmed: of each motion the body with its camera, then other cameras without it (NaN).
-        shares: of each motion's weight in each frame.
-    """
-    level = LevelPrior(
-        weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
-    )
-    arms, whitening = [], []
-    for bodies, share in zip(filmed, shares, strict=True):
-        arm, whiten = arms_above_support(bodies[0], estimate_up(bodies, level).up)
-        arms.append(arm)
-        whitening.append(whiten * share[:, None, None] ** 0.5)
-    rows = padded(arms, state.trans), padded(whitening, state.trans)
-    return Balance(body, *rows, weights.balance, SCALE_SIGMAS)
-
-
-def arms_above_support(
-    filmed: FilmedBody, up: Float[np.ndarray, "3"]
-) -> tuple[Float[np.ndarray, "T 24"], Float[np.ndarray, "T 2 3"]]:
-    """Joint weights of the centre of mass less the support's middle, and the whitening of that arm:
-    (2, 3) to its horizontal coordinates in standard deviations."""
-    moments = len(filmed.joints)
-    support = support_of(filmed.joints, filmed.fps, moments, filmed.joints_shown)
-    shares = support_shares(up[None], support)
-    middle, spread = (x[0] for x in support_under(shares, support))
-    height = (support.centre - middle) @ up
-    free = SWAY_M**2 + (REACH * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
-    axes = np.stack([axis[0] for axis in perpendicular(up[None])])
-    covariance = axes @ spread @ axes.T + free[:, None, None] * np.eye(2)
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance)) @ axes
-    return JOINT_MASS_SHARES - shares[0].T @ LIMB_SHARES, whiten
-
-
 Progress = Callable[[str], None]
 # Scales of the robust loss, relative to the final one, with the tolerance of each: descent may
 # pause at the widest; at the others it need not be exact.
 COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
 TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
-BALANCE_ROUNDS = 2  # up and the support are those of the motion before
 ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
 PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
@@ -228,7 +147,6 @@ def fit_monocular(
     *,
     stride: int,
     max_steps: int,
-    balance: bool = False,
     progress: Progress = lambda _: None,
 ) -> MonocularFit:
     """Fit every video by itself from each of its starts and return the best fit.
@@ -239,7 +157,6 @@ def fit_monocular(
     Args:
         observations: M videos; starts: the starts of each (at least one each).
         max_steps: Gauss-Newton steps of the last fit.
-        balance: bodies balance over their support, as no other video tells how far they lean.
     """
     owner = [v for v, of_video in enumerate(starts) for _ in of_video]
     progress(f"{len(owner)} starts on one frame of {stride}")
@@ -253,14 +170,9 @@ def fit_monocular(
     progress("the best start of each video on all frames")
     state = all_frames(fits.state.rows(chosen), observations, stride)
     terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
-    for _ in range(BALANCE_ROUNDS):
-        balanced = balance_terms(body, state, observations, weights) if balance else []
-        solution = gauss_newton(
-            [*terms, *balanced], state, max_steps=max_steps, relative_tolerance=TOLERANCE
-        )
-        state = solution.state
+    solution = gauss_newton(terms, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
     costs = [[fits.costs[row] for row in fits.rows(v)] for v in videos]
-    return MonocularFit(state, costs, solution.status, fits)
+    return MonocularFit(solution.state, costs, solution.status, fits)
 
 
 def narrowed(

@@ -24,10 +24,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.camera.gravity import FilmedBody
-from imocap_core.camera.tilt_evidence import ANKLES
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
-from imocap_core.motion.monocular.fit import Progress, balance_term, regularisers
+from imocap_core.motion.monocular.fit import Progress, regularisers
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
     Cameras,
@@ -40,7 +38,6 @@ from imocap_core.motion.multiview.scene import (
 from imocap_core.motion.multiview.timeline import sample_keypoints
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Term, View
-from imocap_core.motion.terms.contact import share_of_balance
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
@@ -313,27 +310,6 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
     return [JointEvidence(scene.body, estimates, strength, ESTIMATE_SIGMAS)]
 
 
-def balance_along_sight(scene: Scene, motion: MotionState, cameras: Cameras) -> list[Term]:
-    """Balance of the common motion where a foot shows and all videos look along one line.
-
-    Such views hide a lean. Up is told by all cameras and, once, by the body.
-    """
-    joints = scene.body.positions(scene.body.joints, motion)[0].detach().cpu().numpy()
-    R, t = (x.detach().cpu().numpy() for x in (cameras.R, cameras.t))
-    shown = scene.joints_shown
-    shares = share_of_balance(joints[:, 0], R, t, scene.timeline.confidence, scene.fps)
-    shares = shares * shown[:, ANKLES].max(axis=1)
-    if scene.fit.balance == 0 or not shares.any():
-        return []
-    used = set(np.flatnonzero((scene.keypoints.weight > 0).any(axis=(1, 2))).tolist())
-    filmed = [
-        FilmedBody(x, scene.fps, scene.observations[v].R_mean_from_first @ R[v], shown)
-        for x, views in ((joints, {scene.reference}), (joints * np.nan, used - {scene.reference}))
-        for v in sorted(views)
-    ]
-    return [balance_term(scene.body, motion, [filmed], scene.fit, [shares])]
-
-
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
 # A second start is the motion fitted at this one: a limb on the wrong side feels the keypoints of
 # the views that see it elsewhere. At the others those are outliers, and two opposite views agree
@@ -393,8 +369,7 @@ def fit_in_stages(
         progress(f"common motion, robust scale {stage:g}x")
         views = replace(views, robust_scale=final * stage)
         weighted = with_keypoint_spread(views, motion, spread_m)
-        balanced = [*terms, *balance_along_sight(scene, motion, cameras)]
-        fits = [fit_common_motion(weighted, begun, unknowns, balanced, steps) for begun in starts]
+        fits = [fit_common_motion(weighted, begun, unknowns, terms, steps) for begun in starts]
         motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
         starts = [motion]
         views = estimate_offset_sd(replace(views, cameras=cameras), motion, options)

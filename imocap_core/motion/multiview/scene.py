@@ -226,16 +226,6 @@ class Scene:
     beyond: Sequence[BeyondReference] = ()
 
     @cached_property
-    def joints_shown(self) -> Float[np.ndarray, "N 24"]:
-        """How far a video shows each joint at each frame of the common motion, 0 to 1."""
-        shown = [
-            values_at(o.joints_shown, np.nan_to_num(position).clip(0, len(o.xy_px) - 1))
-            for o, position in zip(self.observations, self.timeline.from_reference, strict=True)
-        ]
-        inside = np.isfinite(self.timeline.from_reference)[..., None]
-        return np.max(shown * inside, axis=0)
-
-    @cached_property
     def keypoints(self) -> CommonKeypoints:
         """Every video's keypoints at the reference's frames."""
         return common_keypoints(self.observations, self.timeline)

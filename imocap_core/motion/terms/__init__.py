@@ -6,14 +6,13 @@ solver sums terms and uses nothing else of them.
 
 from imocap_core.motion.terms.base import Term
 from imocap_core.motion.terms.body_priors import FocalPrior, HingeLimits, PosePriorTerm, ShapePrior
-from imocap_core.motion.terms.contact import Balance, FootContact
+from imocap_core.motion.terms.contact import FootContact
 from imocap_core.motion.terms.coupling import JointEvidence, PathCoupling, PoseCoupling
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.smoothness import JointAcceleration, PathSmoothness, PoseSmoothness
 from imocap_core.motion.terms.view import View
 
 __all__ = [
-    "Balance",
     "FocalPrior",
     "FootContact",
     "HingeLimits",
