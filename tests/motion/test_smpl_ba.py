@@ -25,7 +25,7 @@ from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, K, Made, mpjpe_mm, scen
 
 OPTIONS = MotionParams(
     objective="shared", rank=1, rounds=2, coupling_rad=0.1, coupling_path_m=0.3,
-    agreement_rad=0.35, correlation_s=0.25, max_steps=6,
+    agreement_rad=0.35, correlation_s=0.25, max_steps=10,
 )  # fmt: skip
 
 

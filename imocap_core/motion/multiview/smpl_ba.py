@@ -1,9 +1,9 @@
 """SMPL-BA: the motion of every video and all cameras, jointly (Eq. 8).
 
 Two ways behind one parameter. ``paper`` alternates as the paper does: Z and Y by SVD, poses and
-paths by the solver, cameras by PnP. ``shared`` (default) starts from one such round, then fits
-ONE motion to all views' 2D at once and gives each video back as much freedom as its own image
-evidence asks for. ``single`` stops before that last step: one motion for all videos.
+paths by the solver, cameras by PnP. ``shared`` (default) fits ONE motion to all views' 2D at once
+and gives each video back as much freedom as its own image evidence asks for. ``single`` stops
+before that last step: one motion for all videos.
 
 Other videos may begin earlier or end later than the reference. The axis of the common motion is
 continued as far as two videos reach, for the solve alone.
@@ -20,12 +20,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
-from imocap_core.motion.multiview.low_rank import (
-    alternated,
-    consensus_motion,
-    low_rank_round,
-    mean_shapes,
-)
+from imocap_core.motion.multiview.low_rank import alternated, consensus_motion, mean_shapes
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene, cameras_from_motion
@@ -108,9 +103,6 @@ def _axis(places: Sequence[Float[np.ndarray, " _"]], frames: int) -> Axis:
     return Axis(max(0, int(before)), frames, max(0, int(after)))
 
 
-START_STEPS = 2  # of the coupled fit that the common one starts from: more gain nothing there
-
-
 def recover_motion(
     scene: Scene,
     start: MotionState,
@@ -123,8 +115,8 @@ def recover_motion(
     """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
 
     Args:
-        cameras: of an earlier result that ``start`` is part of: it needs no coupling before the
-            common fit (``paper`` alternates all the same).
+        cameras: of an earlier result that ``start`` is part of (``paper`` begins anew all the
+            same).
         restart: fit through all robust scales all the same, and every deviation from the common
             motion, instead of going on where the earlier result stopped.
     """
@@ -147,19 +139,13 @@ def _recovered(
 ) -> JointMotion:
     """The same of two videos or more, on the scene's own axis."""
     state = shared_shapes(start, scene.performers)
-    if cameras is not None and options.objective != "paper":
-        scene = with_sides_of_others(scene, state, cameras)
-        return common_then_deviations(scene, state, cameras, options, progress, restart=restart)
-    K = scene.K.to(start.trans)
-    cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
+    if cameras is None or options.objective == "paper":
+        K = scene.K.to(start.trans)
+        cameras, restart = cameras_from_motion(scene.aligned(state), K, scene.reference), True
     if options.objective == "paper":
         return alternated(scene, state, cameras, options, progress)
-    progress("coupled fit 1 of 1")  # only a start for the common fit
-    few = replace(options, max_steps=min(START_STEPS, options.max_steps))
-    state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
     scene = with_sides_of_others(scene, state, cameras)
-    result = common_then_deviations(scene, state, cameras, options, progress)
-    return replace(result, costs=[cost, *result.costs])
+    return common_then_deviations(scene, state, cameras, options, progress, restart=restart)
 
 
 def common_then_deviations(
