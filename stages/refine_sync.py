@@ -154,13 +154,6 @@ def _in_turn(
         restart = shows_one_motion(motion)
         return begun.problem.recovered(sync, motion, solving, restart=restart)
 
-    def finish(sync: Sync, motion: JointMotion) -> JointMotion | None:
-        if shows_one_motion(motion):
-            return None  # as every round
-        progress("motion, afresh")
-        release_freed_memory()
-        return begun.problem.solved_afresh(sync, motion, solving)
-
     steps = LoopSteps(
         partial(loop_sync.first_of, begun) if begun.moved else partial(inputs.get, Sync),
         synchronise,
@@ -168,7 +161,6 @@ def _in_turn(
         outline=summary_of,
         maps=lambda sync: [m.reference_frame for m in sync.maps],
         cost=lambda motion: motion.misfit,
-        finish=finish,
     )
     loop = alternate(
         begun.single_pass,

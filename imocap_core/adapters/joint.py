@@ -29,7 +29,7 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.motion.monocular.fit import Progress
-from imocap_core.motion.multiview.repair import unexplained, with_sides
+from imocap_core.motion.multiview.repair import with_sides
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
@@ -55,9 +55,6 @@ def is_one_motion(
     deviation = keypoint_sd_m.mean(axis=(1, 2)).max(initial=0.0)
     path = rigid_offset_sd[:, 3:].max(initial=0.0)
     return bool(deviation <= ONE_MOTION_M and path <= ONE_PATH_M)
-
-
-EQUAL_LOG_MISFIT = 0.001  # within which two motions explain the keypoints alike
 
 
 @dataclass(frozen=True)
@@ -101,17 +98,6 @@ class JointProblem:
             cameras=before.cameras,
             restart=restart,
         )
-
-    def solved_afresh(
-        self, sync: SyncSummary, before: JointMotion, progress: Progress
-    ) -> JointMotion | None:
-        """The last solve, after the loop; None where it explains the videos' keypoints worse."""
-        motion = self.recovered(sync, before, progress, restart=True)
-        matched = self.synchronised(sync)
-        left, left_before = (
-            unexplained(matched.scene_of(m), m.state.uncached()) for m in (motion, before)
-        )
-        return motion if left <= left_before + EQUAL_LOG_MISFIT else None
 
     def result(self, motion: JointMotion) -> SmplBa:
         """SMPL-BA's result as an artifact: as filmed, and of all videos."""

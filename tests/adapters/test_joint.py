@@ -155,19 +155,6 @@ def test_videos_that_hardly_differ_show_one_motion(plain, spread_m, *, is_one):
     assert not shows_one_motion(replace(before, spread=None))
 
 
-@pytest.mark.parametrize(("left", "counts"), [(-2.01, True), (-1.9995, True), (-1.998, False)])
-def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
-    made, plain, monkeypatch, left, *, counts
-):
-    given, before = plain
-    again = replace(before, status="again")
-    monkeypatch.setattr("imocap_core.adapters.joint.recover_motion", lambda *_, **__: again)
-    answers = iter([left, -2.0])
-    monkeypatch.setattr("imocap_core.adapters.joint.unexplained", lambda *_: next(answers))
-    final = given.solved_afresh(made.sync, before, lambda what: None)
-    assert final is (again if counts else None)
-
-
 def test_the_body_has_the_keypoints_of_the_remaining_videos() -> None:
     made, params = Made(3), Params()
     *rest, last = made.keypoints.videos

@@ -115,7 +115,7 @@ def test_missing_keypoints_are_never_blended_in() -> None:
 
 
 def rounds(
-    costs: list[float], maps: list[float], limit: int, least: int = 0, final: float | None = None
+    costs: list[float], maps: list[float], limit: int, least: int = 0
 ) -> Alternation[np.ndarray, list[np.ndarray], float]:
     """An alternation whose rounds have these costs and these correspondences."""
     cost, place = iter(costs), dict(zip([9.0, *costs], maps, strict=False))
@@ -126,7 +126,6 @@ def rounds(
         outline=lambda sync: [sync],
         maps=lambda outline: outline,
         cost=lambda motion: motion,
-        finish=lambda sync, motion: None if final is None else final + motion,
     )
     first = LoopRound([np.zeros(4)], 9.0, 9.0, 0.0)
     return alternate(first, steps, max_rounds=limit, settled_frames=0.1, least_rounds=least)
@@ -140,18 +139,6 @@ def test_alternation_stops_when_the_correspondences_settle() -> None:
     assert done.status.startswith("converged")
     assert done.status.endswith("the result is that of round 2")
     np.testing.assert_array_equal(done.sync, np.full(4, 2.55))  # as the last motion tells it
-
-
-def test_the_best_round_is_solved_once_more_with_the_final_correspondences() -> None:
-    settled = rounds([3.0, 3.5], [2.0, 2.5, 2.55], 5, final=0.25)
-    assert [t.cost for t in settled.rounds] == [9.0, 3.0, 3.5, 3.75]
-    assert settled.rounds[-1].change_frames == pytest.approx(0.05)
-    assert (settled.best, settled.status[-22:]) == (3, "round 2, solved afresh")
-    diverged = rounds([3.0, 30.0], [2.0, 9.0], 2, final=0.25)
-    assert [t.cost for t in diverged.rounds] == [9.0, 3.0, 30.0, 3.25]
-    np.testing.assert_array_equal(diverged.sync, np.full(4, 2.0))
-    assert rounds([], [], 0, final=0.25).best == 0
-    assert rounds([3.0], [0.0], 2, final=0.25).best == 0  # settled at once
 
 
 def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:

@@ -9,13 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.repair import (
-    EXPLAINED_FLOOR,
     LEGS,
     WHOLE,
     point_shares,
     swapped,
     turning_frames,
-    unexplained,
     with_sides_of_others,
 )
 from imocap_core.motion.multiview.scene import Cameras, Scene
@@ -136,28 +134,3 @@ def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made) ->
         hit = recover_motion(confused(whole(made), state), start, OPTIONS)
         assert mpjpe_mm(made.body, hit.state, true) < 1.05 * error_mm + 0.5
         np.testing.assert_array_equal(hit.swapped[VIDEO], np.where(STRETCH, state, 0))
-
-
-def test_the_true_motion_leaves_the_detector_s_noise_and_a_wrong_one_more(made: Made) -> None:
-    truth = in_own_axes(made)
-    left = [unexplained(whole(made), disturbed(truth, spread)) for spread in (0.0, 0.05, 0.15)]
-    assert left[0] < np.log(
-        4 * EXPLAINED_FLOOR
-    )  # noise, and the perspective that a scale does not tell
-    assert left[0] < left[1] < left[2]
-
-
-def test_frames_without_a_match_and_unseen_points_do_not_count(made: Made) -> None:
-    truth, matched = in_own_axes(made), whole(made, unmatched=6)
-    spoiled = []
-    for v, o in enumerate(matched.observations):
-        xy_px, confidence = o.xy_px.copy(), o.confidence.copy()
-        xy_px[:, 4] += 300.0
-        confidence[:, 4] = 0.0
-        if v:
-            xy_px[-6:] += np.random.default_rng(v).normal(0, 50, xy_px[-6:].shape)
-        spoiled.append(replace(o, xy_px=xy_px, confidence=confidence))
-    pairs = zip(matched.observations, spoiled, strict=True)
-    hidden = [replace(o, confidence=bad.confidence) for o, bad in pairs]
-    plain = unexplained(replace(matched, observations=hidden), truth)
-    assert unexplained(replace(matched, observations=spoiled), truth) == pytest.approx(plain)

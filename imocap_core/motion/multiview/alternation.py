@@ -45,10 +45,6 @@ class Alternation(Generic[S, R, M]):
     status: str
 
 
-def no_finish(sync: object, motion: object) -> None:
-    """The best round's motion is the final one."""
-
-
 @dataclass(frozen=True)
 class LoopSteps(Generic[S, R, M]):
     """What the loop does, and what it reads of it.
@@ -61,8 +57,6 @@ class LoopSteps(Generic[S, R, M]):
         outline: what a round keeps of its correspondences: all of them are large, and only the
             result's are needed in the end.
         maps: the per-video maps (T_v,) of an outline; cost: of a motion.
-        finish: the final motion, from the final correspondences and the best round's motion; None
-            where that round's is final. Not asked about the single pass.
     """
 
     first_sync: Callable[[], S]
@@ -71,7 +65,6 @@ class LoopSteps(Generic[S, R, M]):
     outline: Callable[[S], R]
     maps: Callable[[R], Sequence[Float[np.ndarray, " _"]]]
     cost: Callable[[M], float]
-    finish: Callable[[S, M], M | None] = no_finish
 
 
 def alternate(
@@ -85,7 +78,7 @@ def alternate(
     """Alternate until the correspondences move less than ``settled_frames`` on average.
 
     The last round is the result, unless it matches fewer frames than others do, or its cost has run
-    away from the lowest; `LoopSteps.finish` may make another of it.
+    away from the lowest.
 
     Args:
         first: the single pass.
@@ -112,12 +105,6 @@ def alternate(
         words += ", because later ones fit worse or match less"
         latest = steps.synchronise(rounds[best - 1].motion) if best else None
     words = f"{status}; the result is that of {words}"
-    final = None if latest is None or not best else steps.finish(latest, rounds[best].motion)
-    if final is not None and latest is not None:
-        sync = outline(latest)
-        change = mean_change(maps(rounds[best].sync), maps(sync))
-        rounds.append(LoopRound(sync, final, cost(final), change))
-        best, words = len(rounds) - 1, f"{words}, solved afresh"
     return Alternation(rounds, best, steps.first_sync() if latest is None else latest, words)
 
 

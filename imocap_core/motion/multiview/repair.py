@@ -250,31 +250,6 @@ def swapped(
     return replace(observation, xy_px=xy_px, confidence=confidence, swapped=in_all)
 
 
-EXPLAINED_FLOOR = 0.02  # share of the keypoints' spread that no motion explains
-
-
-def unexplained(scene: Scene, state: MotionState) -> float:
-    """Mean logarithm of the share of the keypoints' spread that the motion leaves, over the matched
-    frames of each video, then over the videos.
-
-    Args:
-        scene: with the sides of the detections as the motion has them.
-        state: every video's motion in its own camera's axes.
-    """
-    poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
-    shares, ahead = point_shares(scene.body.keypoints.names), np.eye(3)[None]
-    means = []
-    for pose, o, position in zip(
-        poses, scene.observations, scene.timeline.to_reference, strict=True
-    ):
-        matched = np.isfinite(position)
-        weight = np.where(matched[:, None], o.confidence * shares, 0.0)
-        residual = frame_residuals(pose[: len(weight)], o.xy_px, weight, ahead)[0]
-        if matched.any():
-            means.append(float(np.log(residual[matched] + EXPLAINED_FLOOR).mean()))
-    return float(np.mean(means))
-
-
 LIMB_JOINTS = ("elbow", "wrist", "knee", "ankle")
 SURE = 0.5  # confidence from which a detection is not doubted
 LEAST_OTHERS = 2  # videos that show a moment: of two, either may be wrong
