@@ -45,15 +45,16 @@ BALLS, ANKLES, WRISTS, KNEES, HIPS, SHOULDERS, ELBOWS = (
 LIMB_SHARES = np.concatenate(
     [
         0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]),
-        np.eye(24)[WRISTS + KNEES + HIPS + SHOULDERS + ELBOWS],
+        np.eye(24)[WRISTS + KNEES],
         np.stack([np.eye(24)[HIPS].mean(axis=0), np.eye(24)[SHOULDERS].mean(axis=0)]),
     ]
 )
-"""(14, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, hips, shoulders,
-elbows, the seat, the upper back."""
-LIMB_RADII_M = np.repeat([0.045, 0.05, 0.06, 0.1, 0.08, 0.04], 2)
+"""(8, 24) weights of SMPL's joints whose mean may support: feet, wrists, knees, the seat, the upper
+back."""
+LIMB_RADII_M = np.repeat([0.045, 0.05, 0.06], 2)[:, None]
 """Depths below the skin of those whose height tells whether they support."""
-LIMBS_OF_STANDING = 6  # feet, wrists, knees: the others carry who lies
+READILY = np.repeat([1.0, HAND_SHARE, HAND_SHARE], 2)[:, None]
+"""How readily these count as support."""
 SEAT_ALONE = np.array([[1.0], [0.0]])  # of what rests: not the upper back
 PARTS = BALLS + ANKLES + WRISTS + KNEES + HIPS + [SMPL_JOINTS.index("head")] + SHOULDERS + ELBOWS
 PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
@@ -77,18 +78,18 @@ class Support:
 
     Attributes:
         centre: (N, 3) centre of mass; speed_m_s: (N,) its speed.
-        limbs: (N, 14, 3) those of LIMB_SHARES; trunk: (N, 3) unit vectors from
+        limbs: (N, 8, 3) those of LIMB_SHARES; trunk: (N, 3) unit vectors from
             pelvis to neck.
         steps: (N, 2, 2, 3) of the seat and the upper back, to each moment and from it, `SEAT_S`
             each; leg_m: length of a leg.
         feet: (M, 3) balls of slow feet; planted: (M,) their weights.
         parts: (N, P, 3) those of PARTS; parts_m_s: (N, P) their speeds.
-        limbs_unseen: (N, 14) 1 where it is not, 0 where it is seen.
+        limbs_unseen: (N, 8) 1 where it is not, 0 where it is seen.
     """
 
     centre: Float[np.ndarray, "N 3"]
     speed_m_s: Float[np.ndarray, " N"]
-    limbs: Float[np.ndarray, "N 14 3"]
+    limbs: Float[np.ndarray, "N 8 3"]
     trunk: Float[np.ndarray, "N 3"]
     steps: Float[np.ndarray, "N 2 2 3"]
     leg_m: float
@@ -96,7 +97,7 @@ class Support:
     planted: Float[np.ndarray, " M"]
     parts: Float[np.ndarray, "N P 3"]
     parts_m_s: Float[np.ndarray, "N P"]
-    limbs_unseen: Float[np.ndarray, "N 14"]
+    limbs_unseen: Float[np.ndarray, "N 8"]
 
 
 def support_of(
@@ -208,21 +209,20 @@ def balance_costs(
 
     Densities of the centre's place: narrow supports claim more of it than wide ones.
     """
-    share, rests = _shares(up, support, LIMBS_OF_STANDING)
-    seated = _density_cost(up, support, sight, _with_rests(share, SEAT_ALONE * rests))
-    return seated, _density_cost(up, support, sight, _with_rests(share, rests))
+    seated, rested = support_shares(up, support)
+    return _density_cost(up, support, sight, seated), _density_cost(up, support, sight, rested)
 
 
 def _density_cost(
     up: Float[np.ndarray, "U 3"],
     support: Support,
     sight: Float[np.ndarray, "3"],
-    share: Float[np.ndarray, "U 14 N"],
+    share: Float[np.ndarray, "U 8 N"],
 ) -> Float[np.ndarray, " U"]:
-    """Of the centre of mass over limbs that carry it by their shares; the mean over moments."""
-    used, unseen = share.any(axis=(0, 2)), _of_unseen(share, support)
-    limbs = support.limbs[:, used]
-    squared, determinant = _off_middle(up, support, limbs, share[:, used], sight, unseen)
+    """Of the centre of mass over limbs that carry it by their shares; the mean over moments. Limbs
+    that nobody sees leave a variance to the middle of the support."""
+    unseen = UNSEEN_M**2 * np.einsum("usn,ns->un", share**2, support.limbs_unseen)
+    squared, determinant = _off_middle(up, support, support.limbs, share, sight, unseen)
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     return np.asarray((cost + np.log(determinant / SWAY_M**4)).mean(axis=1))
 
@@ -309,59 +309,33 @@ def weighted_quantile(
     return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(values)), place])
 
 
-def support_under(
-    share: Float[np.ndarray, "U 14 N"], support: Support
-) -> tuple[Float[np.ndarray, "U N 3"], Float[np.ndarray, "U N 3 3"]]:
-    """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle;
-    with that of limbs which are unseen. share: of each in the support."""
-    middle = np.einsum("usn,nsc->unc", share, support.limbs)
-    apart = support.limbs[None] - middle[:, :, None]
-    spread = 0.5 * np.einsum("usn,unsi,unsj->unij", share, apart, apart)
-    return middle, spread + _of_unseen(share, support)[..., None, None] * np.eye(3)
-
-
-def _of_unseen(share: Float[np.ndarray, "U S N"], support: Support) -> Float[np.ndarray, "U N"]:
-    """Variance, m^2, that limbs which nobody sees leave to the middle of the support."""
-    return UNSEEN_M**2 * np.einsum("usn,ns->un", share**2, support.limbs_unseen)
-
-
 def support_shares(
-    up: Float[np.ndarray, "U 3"], support: Support, *, lying: bool = True
-) -> Float[np.ndarray, "U 14 N"]:
-    """How much each limb and the seat support; their sum is 1.
+    up: Float[np.ndarray, "U 3"], support: Support
+) -> tuple[Float[np.ndarray, "U 8 N"], Float[np.ndarray, "U 8 N"]]:
+    """How much each limb and the seat support; and the same where the upper back may, too. Their
+    sum is 1.
 
-    Limbs count by their height above the lowest one; low hips that neither rise nor sink rest on a
-    seat, whose height nobody knows. Not lying: hips, shoulders and elbows do not count.
+    Limbs count by their height above the lowest one. Seat and back rest on something, whose height
+    nobody knows, where they are low and neither rise nor sink.
     """
-    share, rests = _shares(up, support, len(LIMB_RADII_M) if lying else LIMBS_OF_STANDING)
-    return _with_rests(share, SEAT_ALONE * rests)
+    height = np.einsum("nsc,uc->usn", support.limbs, up)
+    share = _by_height(height[:, :-2] - LIMB_RADII_M, READILY)
+    lowest = height[:, :-2].min(axis=1, keepdims=True)
+    above = (height[:, -2:] - lowest) / support.leg_m
+    moved = np.abs(np.einsum("npkc,uc->kupn", support.steps, up)).max(axis=0)
+    low = expit((np.array([[SEAT_HEIGHT], [BACK_HEIGHT]]) - above) / SEAT_SPREAD)
+    rests = low / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
+    return _with_rests(share, SEAT_ALONE * rests), _with_rests(share, rests)
 
 
 def _with_rests(
-    share: Float[np.ndarray, "U 12 N"], rests: Float[np.ndarray, "U 2 N"]
-) -> Float[np.ndarray, "U 14 N"]:
+    share: Float[np.ndarray, "U 6 N"], rests: Float[np.ndarray, "U 2 N"]
+) -> Float[np.ndarray, "U 8 N"]:
     """Shares of limbs and of what rests on something, by how surely: as far as feet carry the
     others."""
     most = rests.max(axis=1, keepdims=True) / np.maximum(rests.sum(axis=1, keepdims=True), 1e-9)
     rest = SEAT_SHARE * rests * most * share[:, None, : len(BALLS)].sum(axis=2) ** 2
     return np.concatenate([(1 - rest.sum(axis=1))[:, None] * share, rest], axis=1)
-
-
-def _shares(
-    up: Float[np.ndarray, "U 3"], support: Support, count: int
-) -> tuple[Float[np.ndarray, "U 12 N"], Float[np.ndarray, "U 2 N"]]:
-    """Shares of the first limbs by their heights, and how surely seat and upper back rest on
-    something: they are low, and neither rise nor sink."""
-    height = np.einsum("nsc,uc->usn", support.limbs, up)
-    limbs = height[:, :-2] - LIMB_RADII_M[:, None]
-    readily = np.where(np.arange(count) < len(BALLS), 1.0, HAND_SHARE)
-    share = np.zeros(limbs.shape)
-    share[:, :count] = _by_height(limbs[:, :count], readily[:, None])
-    lowest = height[:, :LIMBS_OF_STANDING].min(axis=1, keepdims=True)
-    above = (height[:, -2:] - lowest) / support.leg_m
-    moved = np.abs(np.einsum("npkc,uc->kupn", support.steps, up)).max(axis=0)
-    low = expit((np.array([[SEAT_HEIGHT], [BACK_HEIGHT]]) - above) / SEAT_SPREAD)
-    return share, low / (1 + (moved / SEAT_MOVED_M) ** 2) ** 2
 
 
 def _by_height(
