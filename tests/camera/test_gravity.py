@@ -123,15 +123,13 @@ def test_a_body_shows_the_roll_of_its_camera_unless_its_feet_are_unseen(roll_deg
     assert camera_angles_deg(ups[1][None], camera)[0] == pytest.approx(0.0, abs=5.0)
 
 
-@pytest.mark.parametrize("rows", [ANKLES + BALLS, ANKLES[:1] + BALLS[:1]], ids=["both", "one"])
-def test_a_foot_that_nobody_sees_carries_less_surely(rows: list[int]) -> None:
+@pytest.mark.parametrize("feet", [1, 2])
+def test_a_foot_that_nobody_sees_carries_less_surely(feet: int) -> None:
     joints, seen = standing(), np.ones((len(standing()), 24))
-    seen[:, rows] = 0.0
+    seen[:, ANKLES[:feet] + BALLS[:feet]] = 0.0
     ups = Rotation.from_euler("x", [[0.0], [15.0]], degrees=True).apply(Y_UP)
-    by_all, by_seen = (
-        np.diff(balance_costs(ups, support_of(joints, FPS, 20, x), LEVEL_CAMERA[2])[0])
-        for x in (None, seen)
-    )
+    given = [support_of(joints, FPS, 20, x) for x in (None, seen)]
+    by_all, by_seen = (np.diff(balance_costs(ups, x, LEVEL_CAMERA[2])[0]) for x in given)
     assert 0 < by_seen < 0.9 * by_all
 
 
@@ -189,8 +187,8 @@ def _slow_balance_cost(up, support: Support, sight) -> float:
     middles = np.einsum("sn,nsc->nc", share, support.limbs)
     apart = support.limbs - middles[:, None]
     spreads = 0.5 * np.einsum("sn,nsi,nsj->nij", share, apart, apart)
-    unseen = UNSEEN_M**2 * np.einsum("sn,ns->n", share**2, support.limbs_unseen)
-    spreads += unseen[:, None, None] * np.eye(3)
+    unseen = np.einsum("sn,ns->n", share**2, support.limbs_unseen)[:, None, None] * np.eye(3)
+    spreads += UNSEEN_M**2 * unseen
     axes = np.stack([axis[0] for axis in perpendicular(up[None])])
     costs = []
     moments = zip(support.centre, support.speed_m_s, middles, spreads, strict=True)
