@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import heapq
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
+from heapq import heappop, heappush
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from imocap_core.errors import ImocapError, program_fault, system_fault
@@ -97,73 +98,6 @@ class Executor(Protocol):
         """Wait until an attempt ends; `watch` is called with what happens meanwhile."""
 
 
-class Schedule:
-    """The tasks of a graph that have not ended.
-
-    ValueError unless every task comes after earlier ones of the list only, which makes the graph
-    acyclic.
-    """
-
-    def __init__(self, tasks: Sequence[Task]) -> None:
-        before: set[str] = set()
-        for task in tasks:
-            unknown = set(task.after) - before
-            if unknown or task.name in before:
-                raise ValueError(
-                    f"task {task.name}: expected a new name, after earlier tasks only, got "
-                    f"{', '.join(sorted(unknown)) or 'a second one of this name'}"
-                )
-            before.add(task.name)
-        self._waiting = {task.name: set(task.after) for task in tasks}
-        self._tasks = {task.name: task for task in tasks}
-        self._order = {task.name: i for i, task in enumerate(tasks)}
-        self._after: dict[str, list[Task]] = {task.name: [] for task in tasks}
-        for task in tasks:
-            for name in task.after:
-                self._after[name].append(task)
-        self._ready: list[tuple[int, int, str]] = []
-        for task in tasks:
-            self._push_if_ready(task)
-
-    def __len__(self) -> int:
-        """The number of tasks that have not ended."""
-        return len(self._tasks)
-
-    def take(self) -> Task | None:
-        """The task to begin now; None when all that remain wait for others."""
-        if not self._ready:
-            return None
-        return self._tasks[heapq.heappop(self._ready)[2]]
-
-    def again(self, task: Task) -> None:
-        """Another attempt at a task that was taken."""
-        heapq.heappush(self._ready, (task.priority, self._order[task.name], task.name))
-
-    def succeeded(self, task: Task) -> None:
-        """Tasks that wait for this one may begin."""
-        del self._tasks[task.name]
-        for other in self._after[task.name]:
-            self._waiting[other.name].discard(task.name)
-            if other.name in self._tasks:
-                self._push_if_ready(other)
-
-    def failed(self, task: Task) -> list[Task]:
-        """The tasks that can never begin now, in their order."""
-        del self._tasks[task.name]
-        lost: dict[str, Task] = {}
-        waiting = list(self._after[task.name])
-        while waiting:
-            other = waiting.pop()
-            if self._tasks.pop(other.name, None) is not None:
-                lost[other.name] = other
-                waiting += self._after[other.name]
-        return sorted(lost.values(), key=lambda t: self._order[t.name])
-
-    def _push_if_ready(self, task: Task) -> None:
-        if not self._waiting[task.name]:
-            self.again(task)
-
-
 def attempt(task: Task, report: Report) -> Ended:
     """Carry out a task; every error becomes a sentence.
 
@@ -223,6 +157,9 @@ class Serial:
         return attempt(task, lambda share, text: watch(Progressed(task, share, text)))
 
 
+_Place = tuple[int, int, Task]  # priority, place among the tasks, the task
+
+
 def perform(
     tasks: Sequence[Task],
     executor: Executor,
@@ -236,30 +173,49 @@ def perform(
     died is tried again, up to `retries` times; a fault of its own is final.
 
     Args:
-        tasks: of a directed acyclic graph, each listed after those that it comes after.
+        tasks: of a directed acyclic graph. Of those that may begin, the first of the smallest
+            priority does.
         watch: called with what begins and with progress.
     """
-    schedule = Schedule(tasks)
+    waiting = {task.name: (task.priority, n, task) for n, task in enumerate(tasks)}
+    graph = TopologicalSorter({task.name: task.after for task in tasks})
+    graph.prepare()
+    after: dict[str, list[str]] = defaultdict(list)
+    for task in tasks:
+        for name in task.after:
+            after[name].append(task.name)
+    ready: list[_Place] = []
     attempts: Counter[str] = Counter()
-    while len(schedule):
-        while executor.is_free() and (task := schedule.take()) is not None:
-            executor.submit(task)
+    while waiting:
+        for name in graph.get_ready():
+            heappush(ready, waiting[name])
+        while ready and executor.is_free():
+            executor.submit(heappop(ready)[-1])
         event = executor.wait(watch)
-        attempts[event.task.name] += 1
-        if event.lost and attempts[event.task.name] <= retries:
-            schedule.again(event.task)
-        else:
-            yield from _ends(schedule, event, attempts[event.task.name])
+        name = event.task.name
+        attempts[name] += 1
+        if event.lost and attempts[name] <= retries:
+            heappush(ready, waiting[name])
+            continue
+        *_, task = waiting.pop(name)
+        if not event.fault:
+            graph.done(name)
+            yield TaskEnd(task, "done", event.result, "", event.seconds, attempts[name])
+            continue
+        again = f" (tried {attempts[name]} times)" if attempts[name] > 1 else ""
+        yield TaskEnd(task, "failed", None, event.fault + again, event.seconds, attempts[name])
+        for other in _stopped_by(name, after, waiting):
+            yield TaskEnd(other, "skipped", None, f"{name} failed")
 
 
-def _ends(schedule: Schedule, event: Ended, attempts: int) -> Iterator[TaskEnd]:
-    task = event.task
-    if not event.fault:
-        schedule.succeeded(task)
-        yield TaskEnd(task, "done", event.result, "", event.seconds, attempts)
-        return
-    again = f" (tried {attempts} times)" if attempts > 1 else ""
-    skipped = schedule.failed(task)
-    yield TaskEnd(task, "failed", None, event.fault + again, event.seconds, attempts)
-    for other in skipped:
-        yield TaskEnd(other, "skipped", None, f"{task.name} failed")
+def _stopped_by(
+    failed: str, after: Mapping[str, Sequence[str]], waiting: dict[str, _Place]
+) -> list[Task]:
+    """The tasks that can never begin now, in their order; they no longer wait."""
+    stopped, names = list[_Place](), [failed]
+    while names:
+        for other in after.get(names.pop(), ()):
+            if other in waiting:
+                stopped.append(waiting.pop(other))
+                names.append(other)
+    return [task for *_, task in sorted(stopped)]
