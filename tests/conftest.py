@@ -63,7 +63,6 @@ LONG = (
     "stages/test_walking_camera.py",
     "collect/test_listing.py",
     "cli/test_sync_command.py",
-    "cli/test_run_all_apart.py",
     "executors/test_cluster.py",
     "benchmarks",
     "pick/test_page_in_browser.py",

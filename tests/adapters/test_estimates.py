@@ -25,6 +25,7 @@ from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, La
 from imocap_core.pipeline.stage import Context
 from imocap_core.rotations import exp
 from tests.io import made_estimates as made
+from tests.made_keypoints import made_keypoints
 
 WRITERS = {
     "hmr2": made.write_phalp,
@@ -42,11 +43,9 @@ TURNED = exp(torch.arange(made.FRAMES)[:, None] * torch.tensor([0.0, 0.1, 0.05])
 
 def video(kind: str, frames: int = made.FRAMES) -> VideoKeypoints:
     box = made.PERFORMER.box_px[np.minimum(np.arange(frames), made.FRAMES - 1)]
-    return VideoKeypoints(
-        id="v1", fps=30.0, size=made.SIZE, layout="body25", video=None, focal_px=None,
-        initial="given", initial_format=kind, frames=np.arange(frames),
-        xy_px=np.zeros((frames, 25, 2)), confidence=np.ones((frames, 25)), person_box_px=box,
-        tracks_found=1, presence=1.0, note="",
+    return made_keypoints(
+        np.arange(frames), size=made.SIZE, initial="given", initial_format=kind,
+        confidence=np.ones((frames, 25)), person_box_px=box,
     )  # fmt: skip
 
 

@@ -84,26 +84,15 @@ def videos() -> Keypoints:
     return Keypoints(videos=[keypoints.videos[0], late])
 
 
-def test_source_frames_become_used_frames() -> None:
+def test_source_frames_become_used_frames_but_of_a_video_that_was_left_out() -> None:
     hints = hints_of(
-        [AnchorEntry(v1=20, v2=110, hard=True)],
-        [ForbiddenEntry(video="v2", frames=(90, 105))],
+        [AnchorEntry(v1=20, v2=110, hard=True, bad=7), AnchorEntry(v1=30, bad=8)],
+        [ForbiddenEntry(video="v2", frames=(90, 105)), ForbiddenEntry(video="bad", frames=(0, 5))],
         videos(),
         "action.yaml",
     )
     assert hints.anchors == (Anchor(0, 20, 1, 10.0, True),)
     assert hints.forbidden == ((1, 0, 5),)
-
-
-def test_hints_on_a_video_that_was_left_out_are_not_used() -> None:
-    hints = hints_of(
-        [AnchorEntry(v1=20, v2=110, bad=7), AnchorEntry(v1=30, bad=8)],
-        [ForbiddenEntry(video="bad", frames=(0, 5))],
-        videos(),
-        "action.yaml",
-    )
-    assert hints.anchors == (Anchor(0, 20, 1, 10.0, False),)
-    assert hints.forbidden == ()
 
 
 def test_frames_that_are_not_used_are_named() -> None:

@@ -18,6 +18,8 @@ def test_a_detector_has_its_own_noise_and_others_the_usual() -> None:
     params = FitParams(noise_share=0.01, noise_share_of={"mediapipe33": 0.03})
     assert noise_share_of("mediapipe33", params) == 0.03
     assert noise_share_of("body25", params) == 0.01
+    with pytest.raises(ValueError, match=r"noise_share_of: expected some of body25.*, got paws$"):
+        noise_share_of("body25", FitParams(noise_share_of={"paws": 0.02}))
 
 
 def test_mediapipe_is_believed_less_by_default() -> None:
@@ -38,8 +40,3 @@ def test_a_single_view_without_joints_keeps_the_shape_near_the_mean() -> None:
     assert fit_of_single_views(keypoints, params, False, 90.0).shape_prior == 90.0
     assert fit_of_single_views(keypoints, params, True, 90.0).shape_prior == 10.0
     assert fit_of_single_views(keypoints, params, False, 5.0).shape_prior == 10.0
-
-
-def test_a_layout_that_there_is_not_is_named() -> None:
-    with pytest.raises(ValueError, match=r"noise_share_of: expected some of body25.*, got paws$"):
-        noise_share_of("body25", FitParams(noise_share_of={"paws": 0.02}))

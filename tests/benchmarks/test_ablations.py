@@ -97,9 +97,6 @@ def test_every_claim_speaks_of_variants_that_there_are() -> None:
         assert {claim.better, claim.worse} <= set(BY_NAME)
 
 
-# --- tables
-
-
 # --- running
 
 

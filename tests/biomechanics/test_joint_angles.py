@@ -125,11 +125,6 @@ def test_a_twist_of_the_forearm_is_pronation_wherever_the_model_has_it(joint: st
     assert turned == {"right_elbow_pronation": pytest.approx(35, abs=0.2)}
 
 
-def other_side(joint: str) -> str:
-    side, _, rest = joint.partition("_")
-    return f"{ {'left': 'right', 'right': 'left'}[side] }_{rest}" if rest else joint
-
-
 def test_a_mirrored_pose_has_the_angles_of_the_other_side() -> None:
     rng = np.random.default_rng(3)
     vectors = rng.normal(size=(24, 3)) * 25

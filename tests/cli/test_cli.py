@@ -222,6 +222,10 @@ def test_run_makes_the_action_of_videos(toy: Toy, capsys: Capture, tmp_path: Pat
     for _ in range(2):  # made once, then used again
         assert action_of_words(toy.root, [str(folder)], None)[0] == "My_jumps"
     assert len(read_action(toy.root / "actions" / "My_jumps").videos) == 2
+    name, remarks = action_of_words(toy.root, clips, None)
+    assert name.startswith("jump-")
+    assert "Wrote" in remarks[0]
+    assert action_of_words(toy.root, clips, None) == (name, [])
     assert action_of_words(toy.root, clips, "mine")[0] == "mine"
     for word in ("toy", "nobody", str(toy.root / "actions" / "mine")):
         assert action_of_words(toy.root, [word], None) == (word, [])

@@ -83,12 +83,16 @@ def test_run(toy: Toy, capsys: Capture) -> None:
     assert [again[name] for name in ("trusted", "sync", "cameras", "verdict")] == [None] * 4
 
 
-def test_a_run_that_fails_leaves_the_standard_output_empty(toy, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("words", "code", "fault"),
+    [(["run", "toy"], 1, "expected numbers"), (["status", "nobody"], 2, "nobody")],
+)
+def test_what_fails_leaves_the_standard_output_empty(toy, capsys, monkeypatch, words, code, fault):
     monkeypatch.setenv("TOY_SCALE", "bad")
-    assert toy.imocap(["run", "toy", "--json"]) == 1
+    assert toy.imocap([*words, "--json"]) == code
     shown = capsys.readouterr()
     assert shown.out == ""
-    assert "expected numbers" in shown.err
+    assert fault in shown.err
 
 
 def test_explain(toy: Toy, capsys: Capture) -> None:
@@ -110,13 +114,6 @@ def test_doctor_reports_a_fault_in_its_exit_code_too(toy, capsys):
     bad = document(toy, capsys, "doctor", code=1)
     assert bad["ok"] is False
     assert sum(not check["works"] for check in bad["checks"]) == 1
-
-
-def test_a_fault_leaves_the_standard_output_empty(toy: Toy, capsys: Capture) -> None:
-    assert toy.imocap(["status", "nobody", "--json"]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert "nobody" in shown.err
 
 
 def test_values_become_json_s_types():

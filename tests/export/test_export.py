@@ -6,10 +6,19 @@ import json
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import Hands, VideoHands
+from imocap_core.artifacts.schemas import Hands
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.readers.smpl_estimators import read_smpl_npz
-from tests.pipeline.made_result import LENGTHS, PHASES, R_B, Made, made_result, motion, refined
+from tests.pipeline.made_result import (
+    LENGTHS,
+    PHASES,
+    R_B,
+    Made,
+    hands,
+    made_result,
+    motion,
+    refined,
+)
 
 
 @pytest.fixture
@@ -60,17 +69,6 @@ def test_sync_and_cameras_speak_in_source_frames_and_pixels(made):
     assert content["reference"] == "a"
     assert content["cameras"]["b"]["size"] == [640, 360]
     np.testing.assert_array_equal(content["cameras"]["b"]["R"], R_B)
-
-
-def hands(video: str) -> VideoHands:
-    """Hands whose wrists bend a little; their points lie along the body's wrists."""
-    count = LENGTHS[video]
-    points = np.repeat(motion(video).joints[:, 20:22, None], 21, axis=2)
-    return VideoHands(
-        id=video, frames=100 + np.arange(count), fingers=np.full((count, 2, 15, 3), 0.3),
-        wrists=np.full((count, 2, 3), 0.1), points_m=points,
-        visible=np.ones((count, 2), dtype=np.int64),
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("up", [None, "y"])

@@ -31,6 +31,7 @@ def content() -> dict[str, Any]:
         "number": np.float32(2.5),
         "tensor": torch.arange(12.0).view(3, 4)[1:, ::2],
         "ordered": OrderedDict(a=(1, 2.5, "b", None, True)),
+        ("v", 1): np.ones(3, np.float32),
     }
 
 
@@ -38,7 +39,7 @@ def check(result: Any) -> None:
     expected = content()
     assert set(result) == set(expected)
     np.testing.assert_array_equal(result["results"][3]["again"][1], expected["results"][3]["x"].T)
-    for name in ("fortran", "big end first", "names", "flags", "empty", "single"):
+    for name in ("fortran", "big end first", "names", "flags", "empty", "single", ("v", 1)):
         np.testing.assert_array_equal(result[name], expected[name])
     np.testing.assert_array_equal(result["tensor"], expected["tensor"].numpy())
     np.testing.assert_array_equal(result["objects"][0]["y"], np.ones(2))
@@ -46,7 +47,7 @@ def check(result: Any) -> None:
     assert result["ordered"]["a"] == [1, 2.5, "b", None, True]
 
 
-@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
 def test_every_protocol(protocol: int, tmp_path: Path) -> None:
     path = tmp_path / "a.pkl"
     path.write_bytes(pickle.dumps(content(), protocol=protocol))

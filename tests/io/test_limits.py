@@ -78,15 +78,6 @@ def test_a_pickle_asks_for_no_more_than_it_holds(content: bytes) -> None:
         load_pickle(content)
 
 
-def test_arrays_as_numpy_writes_them_are_still_read() -> None:
-    arrays = {"a": np.arange(6.0).reshape(2, 3), ("v", 1): np.ones(3, np.float32)}
-    for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
-        read = load_pickle(pickle.dumps(arrays, protocol))
-        assert read.keys() == arrays.keys()
-        for name, array in arrays.items():
-            np.testing.assert_array_equal(read[name], array)
-
-
 def test_integers_of_any_length_are_numbers_or_missing(tmp_path: Path) -> None:
     for digits in ("9" * 310, "9" * 5000, "-" + "9" * 5000):
         points = ",".join([digits, "2", "0.9"] + ["1", "2", "0.9"] * 24)

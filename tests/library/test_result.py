@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import imocap
-from imocap_core.artifacts.schemas import Hands, Uncertainty, VideoHands, VideoUncertainty
+from imocap_core.artifacts.schemas import Hands, Uncertainty, VideoUncertainty
 from imocap_core.biomechanics.joint_angles import angle_names
 from imocap_core.body import load_free_body
 from imocap_core.camera.gravity import Z_UP_FROM_Y_UP as Q
@@ -22,6 +22,7 @@ from tests.pipeline.made_result import (
     LENGTHS,
     PHASES,
     Made,
+    hands,
     made_result,
     motion,
     refined,
@@ -38,25 +39,6 @@ def made(tmp_path: Path) -> Made:
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> imocap.Result:
     return made_result(tmp_path_factory.mktemp("result")).result()
-
-
-def hands(made: Made) -> None:
-    body = load_free_body(hands=True)
-    videos = [
-        VideoHands(
-            id=v,
-            frames=100 + np.arange(n),
-            fingers=np.full((n, 2, 15, 3), 0.2),
-            wrists=np.full((n, 2, 3), 0.1),
-            points_m=np.repeat(motion(v).joints[:, 20:22, None], 21, axis=2),
-            visible=np.ones((n, 2), dtype=np.int64),
-        )
-        for v, n in LENGTHS.items()
-    ]
-    artifact = Hands(
-        videos=videos, model=body.name, model_digest=body.digest, size=1.0, status="made"
-    )
-    made.publish("hands", artifact)
 
 
 def test_it_is_a_collection_of_videos(result: imocap.Result) -> None:
@@ -112,7 +94,8 @@ def test_all_videos_are_in_one_world(result: imocap.Result) -> None:
 
 
 def test_a_camera_projects_what_its_video_shows(result: imocap.Result) -> None:
-    """A camera that turns and zooms: K R^T, frame by frame."""
+    """A camera that turns and zooms: K R^T, frame by frame; its measured homographies are
+    K R K^-1, so that both ways give one pixel."""
     video = result["b"]
     camera, own = video.camera, motion("b").joints
     R, zoom = turned("b").R_first_from_frame, turned("b").zoom
@@ -120,6 +103,10 @@ def test_a_camera_projects_what_its_video_shows(result: imocap.Result) -> None:
     np.testing.assert_allclose(K[:, 0, 0], 600 * zoom)
     ahead = np.einsum("tij,tnj->tni", camera.R_per_frame, video.joints - camera.centre)
     np.testing.assert_allclose(ahead, own @ R, atol=1e-9)
+    homogeneous = np.einsum("tij,tnj->tni", K, ahead)
+    expected = homogeneous[..., :2] / homogeneous[..., 2:]
+    expected[homogeneous[..., 2] <= 0] = np.nan
+    np.testing.assert_allclose(camera.project(video.joints), expected, atol=1e-6)
     assert not camera.is_static
     assert result["a"].camera.is_static
     px = result["a"].camera.project(result["a"].joints)
@@ -130,27 +117,6 @@ def test_a_camera_projects_what_its_video_shows(result: imocap.Result) -> None:
     behind = result["a"].camera.project(np.array([[0.0, 0.0, -1.0]]))
     assert behind.shape == (LENGTHS["a"], 1, 2)
     assert np.isnan(behind).all()
-
-
-def test_a_camera_that_turns_on_the_spot(made: Made) -> None:
-    """The measured homographies of a turning camera are K R K^-1: both ways give one pixel."""
-    from imocap_core.artifacts.schemas import CameraMotion
-
-    videos = []
-    for v in LENGTHS:
-        one = turned(v)
-        K_frame = np.tile(one.K, (LENGTHS[v], 1, 1))
-        K_frame[:, :2, :2] *= one.zoom[:, None, None]
-        H = one.K @ one.R_first_from_frame @ np.linalg.inv(K_frame)
-        videos.append(one.model_copy(update={"H_first_from_frame": 1.3 * H}))
-    made.publish("camera_motion", CameraMotion(videos=videos))
-    video = made.result()["b"]
-    camera = video.camera
-    ahead = np.einsum("tij,tnj->tni", camera.R_per_frame, video.joints - camera.centre)
-    homogeneous = np.einsum("tij,tnj->tni", camera.K_per_frame, ahead)
-    expected = homogeneous[..., :2] / homogeneous[..., 2:]
-    expected[homogeneous[..., 2] <= 0] = np.nan
-    np.testing.assert_allclose(camera.project(video.joints), expected, atol=1e-6)
 
 
 def test_a_moment_is_given_for_the_videos_that_show_it(result: imocap.Result) -> None:
@@ -204,8 +170,9 @@ def test_on_the_common_axis_everybody_has_the_same_phases(result: imocap.Result)
 
 
 def test_hands_give_52_joints(made: Made) -> None:
-    bare = made.result()["b"]
-    hands(made)
+    bare, body = made.result()["b"], load_free_body(hands=True)
+    about = {"model": body.name, "model_digest": body.digest, "size": 1.0, "status": "made"}
+    made.publish("hands", Hands(videos=[hands(v) for v in LENGTHS], **about))
     video = made.result()["b"]
     assert video.joints.shape == (LENGTHS["b"], 52, 3)
     assert video.rotations.shape == (LENGTHS["b"], 52, 3, 3)

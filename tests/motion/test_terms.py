@@ -162,30 +162,28 @@ def test_compiled_rotations_are_those_of_tensors(angle: float) -> None:
         torch.testing.assert_close(compiled(given), by_tensors, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", TERMS)
-def test_gradient_is_the_derivative_of_the_cost(name: str, body: Body, state: MotionState) -> None:
-    term = TERMS[name](body, state)
+def gradients(term: Term, state: MotionState) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    """Of the cost, by frames and by globals: the term's, and by automatic differentiation."""
     d_frames = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64, requires_grad=True)
     d_globals = torch.zeros(B, state.unknown_globals, dtype=torch.float64, requires_grad=True)
     cost = objective([term], state.retract(d_frames, d_globals)).sum()
     expected = torch.autograd.grad(
         cost, (d_frames, d_globals), allow_unused=True, materialize_grads=True
     )
-    found = linearise([term], state)
     assert max(float(x.abs().max()) for x in expected) > 1e-3, "the term does not act"
-    for mine, theirs in zip((found.gradient, found.corner_gradient), expected, strict=True):
+    given = linearise([term], state)
+    return list(zip((given.gradient, given.corner_gradient), expected, strict=True))
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_gradient_is_the_derivative_of_the_cost(name: str, body: Body, state: MotionState) -> None:
+    for mine, theirs in gradients(TERMS[name](body, state), state):
         scale = 1 + float(theirs.abs().max())
         assert float((2 * mine - theirs).abs().max()) / scale < 1e-9
 
 
 def test_rigid_offsets_leave_the_gradient_that_of_the_cost(body: Body, state: MotionState) -> None:
-    term = with_rigid_offsets(body, state)
-    d_frames = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64, requires_grad=True)
-    d_globals = torch.zeros(B, state.unknown_globals, dtype=torch.float64, requires_grad=True)
-    cost = objective([term], state.retract(d_frames, d_globals)).sum()
-    expected = torch.autograd.grad(cost, (d_frames, d_globals))
-    found = linearise([term], state)
-    for mine, theirs in zip((found.gradient, found.corner_gradient), expected, strict=True):
+    for mine, theirs in gradients(with_rigid_offsets(body, state), state):
         error = (2 * mine - theirs).norm() / theirs.norm()
         assert float(error) < 0.02  # the root's own shape is left out
 

@@ -17,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     Sync,
     SyncMap,
     VideoCameraMotion,
+    VideoHands,
     VideoKeypoints,
     VideoMotion,
 )
@@ -27,6 +28,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.export.formats import Exported, export
 from imocap_core.library.result import Result
 from imocap_core.pipeline.action import Action
+from tests.made_keypoints import made_keypoints
 from tests.made_sync import stored_matrix, trust_in
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
@@ -69,24 +71,32 @@ def motion(video: str) -> VideoMotion:
 
 
 def keypoints(video: str) -> VideoKeypoints:
+    return made_keypoints(100 + np.arange(LENGTHS[video]), id=video, fps=FPS[video])
+
+
+def hands(video: str) -> VideoHands:
+    """Hands whose wrists and fingers bend; their points lie along the body's wrists."""
     count = LENGTHS[video]
-    return VideoKeypoints(
-        id=video, fps=FPS[video], size=(640, 360), layout="body25", video=None, focal_px=None,
-        initial=None, initial_format=None, frames=100 + np.arange(count),
-        xy_px=np.zeros((count, 25, 2)), confidence=np.zeros((count, 25)),
-        person_box_px=np.zeros((count, 4)), tracks_found=1, presence=1.0, note="",
+    return VideoHands(
+        id=video, frames=100 + np.arange(count), fingers=np.full((count, 2, 15, 3), 0.3),
+        wrists=np.full((count, 2, 3), 0.1),
+        points_m=np.repeat(motion(video).joints[:, 20:22, None], 21, axis=2),
+        visible=np.ones((count, 2), dtype=np.int64),
     )  # fmt: skip
 
 
 def turned(video: str) -> VideoCameraMotion:
-    """Camera `b` turns evenly about its own y axis."""
+    """Camera `b` turns evenly about its own y axis, and zooms."""
     count = LENGTHS[video]
     angles = np.linspace(0, 0.5, count) if video == "b" else np.zeros(count)
+    zoom = np.linspace(1.0, 1.5, count) if video == "b" else np.ones(count)
     turns = Rotation.from_rotvec(np.outer(angles, [0, 1, 0])).as_matrix()
+    K_frames = np.tile(K, (count, 1, 1))
+    K_frames[:, :2, :2] *= zoom[:, None, None]
     return VideoCameraMotion(
         id=video, K=K, focal_source="given", motion="rotating", note="", residual_px=0.0,
-        H_first_from_frame=turns, R_first_from_frame=turns, inliers=np.zeros(count, dtype=np.int64),
-        zoom=np.linspace(1.0, 1.5, count) if video == "b" else np.ones(count),
+        H_first_from_frame=1.3 * K @ turns @ np.linalg.inv(K_frames), R_first_from_frame=turns,
+        inliers=np.zeros(count, dtype=np.int64), zoom=zoom,
         xy_first_px=np.zeros((count, 25, 2)),
     )  # fmt: skip
 

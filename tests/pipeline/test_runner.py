@@ -63,14 +63,6 @@ def test_equal_content_stops_a_change_from_spreading(toy: Toy) -> None:
     assert toy.ran() == ["scale"]  # svt scales as softmap does, so evaluate has the same input
 
 
-def test_a_changed_file_reruns_its_readers(toy: Toy) -> None:
-    toy.imocap(["run", "toy"])
-    toy.ran()
-    (toy.action / "v2.txt").write_text("3.5")
-    toy.imocap(["run", "toy"])
-    assert toy.ran() == ALL
-
-
 def test_time_and_place_of_the_files_don_t_matter(toy: Toy, tmp_path: Path) -> None:
     toy.imocap(["run", "toy"])
     before = toy.digests()

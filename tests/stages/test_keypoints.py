@@ -103,21 +103,6 @@ def test_whole_body_keypoints_bring_their_hands(folder):
     assert np.allclose(found.hands.xy_px[0].reshape(42, 2), people[0][0][91:, :2])
 
 
-def test_a_format_that_the_files_are_not_is_refused(folder):
-    with pytest.raises(ValueError, match="keypoints/v1: expected a file, found a folder"):
-        run(folder, format="coco")
-
-
-def test_frames_beyond_the_clip_are_refused(folder):
-    with pytest.raises(ValueError, match=r"expected at most \[0, 20\].*got \[5, 25\]"):
-        run(folder, frames=(5, 25))
-
-
-def test_detections_of_another_picture_size_are_refused(folder):
-    with pytest.raises(ValueError, match="expected pixels of a picture of 100 x 60"):
-        run(folder, size=(100, 60))
-
-
 def test_a_clip_without_people_is_refused(folder):
     for file in (folder / "keypoints" / "v1").iterdir():
         file.write_text('{"people": []}')

@@ -72,7 +72,12 @@ def others(tmp_path_factory: pytest.TempPathFactory) -> Others:
     [
         ({"size": (3840, 2160)}, "v3: expected pixels of a picture of 3840 x 2160"),
         ({"focal_px": 1e9}, "action.yaml: videos.v3.focal_px: expected 26 to 6400 pixels"),
-        ({"frames": (0, 90)}, "action.yaml: videos.v3.frames: expected at most [0, 60]"),
+        (
+            {"frames": (5, 90)},
+            "action.yaml: videos.v3.frames: expected at most [0, 60], as the clip has 60 frames, "
+            "got [5, 90]",
+        ),
+        ({"size": (32, 24)}, "v3: expected pixels of a picture of 32 x 24"),
         ({"person": {"track": 9}}, "action.yaml: videos.v3.person: "),
         ({"format": "coco"}, "v3: expected a file, found a folder"),
         ({"video": "v3.mp4", "fps": None, "size": None}, "v3.mp4: broken, decoding failed after"),
