@@ -1,7 +1,6 @@
 """Every parameter has its default, unit, bounds and description in one place."""
 
 import ast
-import importlib.util
 import json
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 from imocap_core.library.status import Parameter, parameter_table
 from imocap_core.params import Params
 from imocap_core.pipeline.graph import read_pipeline, settings
+from tools import make_parameter_docs as tool
 
 ROOT = Path(__file__).resolve().parents[1]
 ENDINGS = {
@@ -42,10 +42,6 @@ def test_every_default_obeys_its_bounds() -> None:
 
 
 def test_the_page_of_parameters_is_up_to_date() -> None:
-    file = ROOT / "tools" / "make_parameter_docs.py"
-    spec = importlib.util.spec_from_file_location("make_parameter_docs", file)
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
     page = (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
     assert page == tool.document(), "run: python tools/make_parameter_docs.py"
 

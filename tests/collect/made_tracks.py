@@ -61,3 +61,10 @@ def track(
         "box_px": box,
     }
     return ShotTrack(**(usual | fields))
+
+
+def joined(*tracks: ShotTrack) -> ShotTrack:
+    """One after the other, as the track of the first one."""
+    rows = ("joints", "sigma_m", "visible", "xy_px", "confidence", "box_px")
+    of_all = {name: np.concatenate([vars(t)[name] for t in tracks]) for name in rows}
+    return ShotTrack(**{**vars(tracks[0]), **of_all})

@@ -7,7 +7,7 @@ from imocap_core.collect import matching
 from imocap_core.collect.films import ShotTrack
 from imocap_core.collect.movement import dominant_template
 from imocap_core.params import CollectParams
-from tests.collect.made_tracks import FPS, movement, track
+from tests.collect.made_tracks import FPS, joined, movement, track
 
 PARAMS = CollectParams()
 SOUGHT, OTHERS = movement(1), [movement(seed) for seed in (2, 3, 4)]
@@ -61,9 +61,7 @@ def test_who_stands_still_is_not_found() -> None:
 
 def test_a_movement_twice_in_a_shot_is_found_twice() -> None:
     once = track(SOUGHT, shot=5)
-    rows = ("joints", "sigma_m", "visible", "xy_px", "confidence", "box_px")
-    twice = {name: np.concatenate([vars(once)[name]] * 2) for name in rows}
-    assert len(found(ShotTrack(**{**vars(once), **twice}))) == 2
+    assert len(found(joined(once, once))) == 2
 
 
 def test_what_is_repeated_most_is_the_dominant_movement() -> None:

@@ -27,7 +27,7 @@ from imocap_core.collect.movement import (
 )
 from imocap_core.collect.shots import Shot
 from imocap_core.params import CollectParams
-from tests.collect.made_tracks import FPS, movement, track
+from tests.collect.made_tracks import FPS, joined, movement, track
 
 CYCLES = ((0, 40), (40, 80), (85, 120))
 
@@ -37,10 +37,7 @@ def cycle(first: int, stop: int, score: float) -> Match:
 
 
 def repeated(times: int) -> ShotTrack:
-    once = track(movement(1), pause_s=0.0)
-    joints = np.concatenate([once.joints] * times)
-    fields = {name: np.concatenate([getattr(once, name)] * times) for name in ("xy_px", "box_px")}
-    return ShotTrack(**(vars(once) | fields | {"joints": joints}))
+    return joined(*[track(movement(1), pause_s=0.0)] * times)
 
 
 def test_cycles_are_those_of_the_track_itself() -> None:
@@ -162,10 +159,7 @@ def test_an_example_is_not_compared_with_itself(people: FilmTracks) -> None:
 
 def test_another_stretch_of_the_same_track_counts_for_itself() -> None:
     shown, other = track(SHOWN, shot=40), track(OTHERS[0], shot=41)
-    rows = ("joints", "sigma_m", "visible", "xy_px", "confidence", "box_px")
-    both = {name: np.concatenate([vars(t)[name] for t in (shown, other)]) for name in rows}
-    joined = ShotTrack(**{**vars(shown), **both})
-    people = filmed([joined, *SHOWINGS])
+    people = filmed([joined(shown, other), *SHOWINGS])
     later = len(shown.joints) / FPS + 0.5
     first, second = match(0, 0.3), match(0, 0.3, begin_s=later)
     clear = [[match(k, 0.8)] for k in range(1, len(SHOWINGS) + 1)]

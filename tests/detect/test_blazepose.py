@@ -2,7 +2,6 @@
 
 import math
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +32,10 @@ from imocap_core.io.readers.mediapipe import read_mediapipe
 from imocap_core.params import DetectParams
 from tests.detect.conftest import SIZE as BAR_SIZE
 from tests.detect.conftest import clip
-from tests.detect.made_people import box_network, picture
+from tests.detect.made_people import COLD, Network, box_network, picture
 from tests.detect.test_detection import params
 
-Network = Callable[[np.ndarray], list[np.ndarray]]
 BLACK = Pyramid(np.zeros((300, 200, 3), np.uint8))
-COLD = np.full((64, 64, POINTS), -10.0, np.float32)
 
 
 def slope(height: int, width: int) -> np.ndarray:

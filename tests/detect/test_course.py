@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,20 +49,23 @@ from tests.detect.made_people import (
 )
 
 
-def places(
+def followed(
     pictures: Iterable[np.ndarray],
     boxes: Callable[[int], Network] = lambda frame: box_network(),
     most_people: int = 5,
     person_detector: Network = blind_person_detector,
     landmarks: Network = landmark_network,
-) -> list[list[tuple[int, int]]]:
-    """Middles of the people in each picture, from left to right; `boxes`: the network by frame."""
+    every_picture: bool = False,
+) -> list[list[Landmarks]]:
+    """The people in each picture, also those who are known later; `boxes`: the network by frame."""
     frame = 0
 
     def network(given: np.ndarray) -> list[np.ndarray]:
         return boxes(frame)(given)
 
-    course = Course(network, person_detector, landmarks, 0.5, 0.5, most_people)
+    course = Course(
+        network, person_detector, landmarks, 0.5, 0.5, most_people, every_picture=every_picture
+    )
     bodies: list[list[Landmarks]] = []
     all_pictures = [*pictures]
     for frame, made in enumerate(all_pictures):
@@ -69,7 +73,12 @@ def places(
         bodies.append(list(people))
         for ago, body in earlier:
             bodies[frame - ago].append(body)
-    return [sorted(map(middle, in_frame)) for in_frame in bodies]
+    return bodies
+
+
+def places(pictures: Iterable[np.ndarray], *given: Any, **options: Any) -> list[list[Any]]:
+    """Middles of the people in each picture, from left to right; as `followed`."""
+    return [sorted(map(middle, people)) for people in followed(pictures, *given, **options)]
 
 
 def middle(body: Landmarks) -> tuple[int, int]:
@@ -330,14 +339,7 @@ def course(
         looks += 1
         return landmark_network(given)
 
-    network: Network = box_network()
-    made = Course(network, blind_person_detector, counted, 0.5, 0.5, 5, every_picture=every_picture)
-    bodies: list[list[Landmarks]] = []
-    for frame, one in enumerate(pictures):
-        people, earlier = made.next_people(one, frame == len(pictures) - 1)
-        bodies.append(list(people))
-        for ago, body in earlier:
-            bodies[frame - ago].append(body)
+    bodies = followed(pictures, landmarks=counted, every_picture=every_picture)
     return [sorted(float(b.xy_px[:, 0].mean()) for b in people) for people in bodies], looks
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imocap_core.body import load_free_body
 from imocap_core.detect.detection import detect_video, is_set_up
 from imocap_core.detect.detection_again import KnownPlaces, look_again
-from imocap_core.detect.detectors import detector_of
+from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.environment import python_for
 from imocap_core.detect.workers.blazepose.landmarks import MARGIN, Crop
 from imocap_core.detect.workers.blazepose.looks import KINDS, RIM
@@ -17,13 +18,27 @@ from imocap_core.io.readers.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.pipeline.source import PROJECT, closure
-from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
+from imocap_core.synthetic.yoga_clip import SIZE, DemoClip, make_yoga_clip, pictures
 from tests.detect.conftest import clip
 from tests.detect.test_blazepose import REAL, made_runtime
 from tests.detect.test_detection import params
 
 __all__ = ["made_runtime"]  # a fixture
 FRAMES = 6
+NAMES = load_free_body().points("body25").names
+
+
+def rendered(name: str, folder: Path) -> tuple[Detector, DemoClip, Path, Path]:
+    """A detector, a rendered body, its film, and what is detected in some of its frames."""
+    detector = detector_of(params(detector=name), folder)
+    if not is_set_up(detector):
+        pytest.skip(f"not set up: imocap detect --setup --set detect.detector={name}")
+    shaped, python = demo_body(7), python_for(detector.packages, print)
+    take = make_yoga_clip(7, 0, shaped)
+    video, file = folder / "v1.mp4", folder / "detections.npz"
+    write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
+    detect_video(video, file, detector, python, lambda share, what: None)
+    return detector, take, video, file
 
 
 def upright(hips: tuple[float, float], reach_px: float) -> np.ndarray:
@@ -54,27 +69,19 @@ def test_each_picture_is_cropped_about_its_own_place(tmp_path: Path, made_runtim
 
 
 def test_the_rendered_body_is_seen_again_from_a_place_that_is_a_little_off(tmp_path: Path) -> None:
-    detector = detector_of(params(detector="blazepose"), tmp_path)
-    if not is_set_up(detector):
-        pytest.skip("not set up: imocap detect --setup")
-    python = python_for(detector.packages, print)
-    shaped = demo_body(7)
-    take = make_yoga_clip(7, 0, shaped)
-    video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
-    write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
-    detect_video(video, file, detector, python, lambda share, what: None)
+    detector, take, video, file = rendered("blazepose", tmp_path)
     frames = np.array([1, 4])
     people = read_mediapipe(file, "blazepose33", SIZE).people
     height_px = np.ptp(take.xy_px[0, :, 1])
     places = np.stack([people[k][0][:, :2] for k in frames]) + 0.03 * height_px
+    python = python_for(detector.packages, print)
     (looks,) = look_again([KnownPlaces(video, frames, places)], detector, python, lambda _: None)
-    names = shaped.model.points("body25").names
     for frame, look in zip(frames, looks, strict=True):
         assert look.presence > 0.9
         for kind, limbs in look.limbs_px.items():
             assert len(limbs) >= 4  # both sides, both networks
             for side in ("left", "right"):
-                true_px = take.xy_px[frame, names.index(f"{side}_{kind}")]
+                true_px = take.xy_px[frame, NAMES.index(f"{side}_{kind}")]
                 assert np.linalg.norm(limbs - true_px, axis=1).min() < 0.04 * height_px
 
 
@@ -103,21 +110,12 @@ JOINTS = {"left_shoulder": 11, "right_shoulder": 12, "left_hip": 23, "left_knee"
 
 @pytest.mark.parametrize("name", ["mediapipe", "blazepose"])
 def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path, name: str) -> None:
-    detector = detector_of(params(detector=name), tmp_path)
-    if not is_set_up(detector):
-        pytest.skip(f"not set up: imocap detect --setup --set detect.detector={name}")
-    python = python_for(detector.packages, print)
-    shaped = demo_body(7)
-    take = make_yoga_clip(7, 0, shaped)
-    video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
-    write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
-    detect_video(video, file, detector, python, lambda share, what: None)
+    _, take, _, file = rendered(name, tmp_path)
     detections = read_mediapipe(file, "mediapipe33", SIZE)
     assert [len(people) for people in detections.people] == [1] * FRAMES
     height_px = np.ptp(take.xy_px[0, :, 1])
-    names = shaped.model.points("body25").names
-    for name, point in JOINTS.items():
-        true_px = take.xy_px[FRAMES - 1, names.index(name)]
+    for joint, point in JOINTS.items():
+        true_px = take.xy_px[FRAMES - 1, NAMES.index(joint)]
         point_px = detections.people[-1][0, point]
-        assert np.linalg.norm(point_px[:2] - true_px) < 0.06 * height_px, name
-        assert point_px[2] > 0.5, name
+        assert np.linalg.norm(point_px[:2] - true_px) < 0.06 * height_px, joint
+        assert point_px[2] > 0.5, joint

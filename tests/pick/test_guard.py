@@ -132,10 +132,7 @@ def test_a_length_without_end_and_a_short_body(asker: Asker) -> None:
         f"POST /{asker.token}/edit HTTP/1.1\r\nHost: {asker.host}\r\nOrigin: http://{asker.host}\r\n"
         "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{"
     )
-    with socket.create_connection(("127.0.0.1", asker.port), timeout=30) as connection:
-        connection.sendall(head.encode())
-        connection.shutdown(socket.SHUT_WR)
-        answered = b"".join(iter(lambda: connection.recv(4096), b""))
+    answered = asker.raw(head.encode())
     assert b"422" in answered.partition(b"\r\n")[0]
     assert b"the request broke off: 1 of its 50 bytes came" in answered
 

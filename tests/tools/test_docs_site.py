@@ -1,13 +1,11 @@
 """The pages of the documentation: linked to each other rightly, all of them in the site."""
 
-import importlib.util
 import os
 import re
 import shutil
 import subprocess
 import tomllib
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -17,6 +15,7 @@ from typer.main import get_command
 import imocap
 from imocap_core.cli.app import app
 from imocap_core.version import __version__
+from tools import docs_hooks as hooks
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -26,14 +25,6 @@ FOLDERS = "imocap|imocap_core|stages|benchmarks|tests|tools|docs|examples"
 GUIDE = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")])
 
 
-@pytest.fixture(scope="module")
-def hooks() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("docs_hooks", ROOT / "tools" / "docs_hooks.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def pages(nav: Any) -> list[str]:
     if isinstance(nav, str):
         return [nav]
@@ -41,7 +32,7 @@ def pages(nav: Any) -> list[str]:
     return [page for part in parts for page in pages(part)]
 
 
-def test_every_page_has_its_place_in_the_site(hooks: ModuleType) -> None:
+def test_every_page_has_its_place_in_the_site() -> None:
     listed = pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
     there = {p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")}
     from_root = set(hooks.FROM_ROOT.values())
@@ -92,13 +83,13 @@ def test_every_public_name_is_on_the_page_of_the_library() -> None:
     assert named == set(imocap.__all__)
 
 
-def test_links_out_of_the_pages_become_text(hooks: ModuleType) -> None:
+def test_links_out_of_the_pages_become_text() -> None:
     text = "[a](../pipeline.yaml), [R](../README.md#y), [b](sync.md#x), [`c`](../stages/a.py)"
     assert hooks.within_site(text, 0) == "a, [R](readme.md#y), [b](sync.md#x), `c`"
     assert hooks.within_site("[a](../sync.md) [b](../../LICENSE)", 1) == "[a](../sync.md) b"
 
 
-def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) -> None:
+def test_links_of_the_pages_at_the_top_work_among_the_others() -> None:
     text = "![p](docs/images/a.png) [s](docs/sync.md) [l](LICENSE) [w](https://e.org) [x](#limits)"
     moved = hooks.moved_into_docs(text)
     assert moved == (
@@ -109,7 +100,7 @@ def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) 
     assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions.md)"
 
 
-def test_pictures_lead_to_the_viewers_that_were_made(hooks, tmp_path):
+def test_pictures_lead_to_the_viewers_that_were_made(tmp_path):
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     assert hooks.with_viewers(text, tmp_path) == text  # pictures, as in the repository
     (tmp_path / "yoga.html").write_bytes(b"a" * 1_250_000)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
@@ -34,12 +35,9 @@ def test_what_cannot_be_installed_is_named(monkeypatch, capsys):
 def test_a_reader_that_a_variable_names_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[dict[str, str]] = []
 
-    class Done:
-        returncode = 3
-
-    def run(line: list[str], env: dict[str, str], **_: object) -> Done:
+    def run(line: list[str], env: dict[str, str], **_: object) -> CompletedProcess:
         started.append(env)
-        return Done()
+        return CompletedProcess(line, 3)
 
     monkeypatch.setattr(readers.subprocess, "run", run)
     monkeypatch.setenv("IMOCAP_RERUN", "/somewhere/rerun")
@@ -58,12 +56,9 @@ def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_changed_list_of_packages_is_installed_again(monkeypatch, tmp_path):
     started = []
 
-    class Done:
-        returncode = 0
-
-    def run(line: list[str], **_: object) -> Done:
+    def run(line: list[str], **_: object) -> CompletedProcess:
         started.append(line)
-        return Done()
+        return CompletedProcess(line, 0)
 
     packages = tmp_path / "packages.txt"
     packages.write_text("bpy==5.0.1\n")

@@ -1,25 +1,18 @@
 """What `make` installs is pinned, with hashes and a licence; nothing here asks the network."""
 
-import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+from tools import audit, make_licence_table
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCKED = (ROOT / "locked.txt").read_text()
 
 
-def tool(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def pins(text: str) -> dict[str, str]:
-    found = tool("make_licence_table").PIN.findall(text)
+    found = make_licence_table.PIN.findall(text)
     return {re.sub("[_.]", "-", name).lower(): version for name, version in found}
 
 
@@ -37,10 +30,9 @@ def test_every_locked_package_has_hashes() -> None:
 
 
 def test_every_package_has_its_version_and_licence_on_the_page() -> None:
-    made = tool("make_licence_table")
-    rows = made.rows_of((ROOT / "docs" / "licences.md").read_text())
+    rows = make_licence_table.rows_of((ROOT / "docs" / "licences.md").read_text())
     versions = {name: version for name, (version, _) in rows.items()}
-    assert versions == made.pins_of(ROOT), "run: python tools/make_licence_table.py"
+    assert versions == make_licence_table.pins_of(ROOT), "run: python tools/make_licence_table.py"
     assert not [name for name, (_, licence) in rows.items() if licence == "not declared"]
 
 
@@ -62,6 +54,6 @@ def test_every_package_has_its_version_and_licence_on_the_page() -> None:
     ],
 )
 def test_an_audit_that_was_not_made_is_no_success(dependencies, line, code):
-    lines, exit_code = tool("audit").outcome(dependencies)
+    lines, exit_code = audit.outcome(dependencies)
     assert line in lines[0]
     assert exit_code == code
