@@ -51,7 +51,7 @@ from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, means_over_videos, pose_rows
 from imocap_core.metrics.sync import true_reference_frame
 from imocap_core.motion.multiview import smpl_ba
-from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
+from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene, shared_shapes
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams, Params
 from imocap_core.pipeline import runner
@@ -228,11 +228,12 @@ def fit_with_cameras(
     How many metres they are apart tells size as pictures tell proportions, and has its weight.
     """
     if len(scene.observations) == 1:
-        return smpl_ba.recover_motion(scene, start, options)
+        return smpl_ba.solve_jointly(scene, start, options)
     scene = replace(scene, fit=replace(scene.fit, size_prior=scene.fit.shape_prior))
-    return smpl_ba.common_then_deviations(
-        scene, smpl_ba.shared_shapes(start, scene.performers), cameras, options, cameras_known=True
-    )
+    state = shared_shapes(start, scene.performers)
+    single = options.objective == "single"
+    fit = smpl_ba.one_motion if single else smpl_ba.common_then_deviations
+    return fit(scene, state, cameras, options, cameras_known=True)
 
 
 def true_sync(estimated: SyncSummary, truth: Truth) -> SyncSummary:

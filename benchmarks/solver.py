@@ -21,7 +21,7 @@ from benchmarks.scoring import peak_gb
 from benchmarks.solver_race import made_scene, race
 from benchmarks.tables import DETAILS, markdown_table
 from imocap_core.errors import WrongUse
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Outcome
@@ -71,7 +71,7 @@ def measure_size(
     load = os.getloadavg()[0]
     made = made_scene(videos, frames, fit, seed)
     began, began_processor = time.perf_counter(), time.process_time()
-    recover_motion(made.scene, made.start, motion)
+    solve_jointly(made.scene, made.start, motion)
     seconds, processor_s = time.perf_counter() - began, time.process_time() - began_processor
     per_frame = 1e3 * processor_s / (videos * frames)
     return GrowthRow(videos, frames, seconds, processor_s, per_frame, peak_gb(), float("nan"), load)

@@ -25,9 +25,12 @@ from imocap_core.body import load_free_body
 from imocap_core.motion.gauss_newton import Solution, gauss_newton, objective
 from imocap_core.motion.monocular.fit import regularisers
 from imocap_core.motion.multiview import common_motion
-from imocap_core.motion.multiview.low_rank import consensus_motion
-from imocap_core.motion.multiview.scene import Scene, cameras_from_motion
-from imocap_core.motion.multiview.smpl_ba import shared_shapes
+from imocap_core.motion.multiview.scene import (
+    Scene,
+    cameras_from_motion,
+    consensus_motion,
+    shared_shapes,
+)
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.observations import Observation
@@ -50,7 +53,7 @@ SMOOTH_FRAMES = 10.0
 
 @dataclass(frozen=True)
 class MadeScene:
-    """The input of `recover_motion`."""
+    """The input of `solve_jointly`."""
 
     scene: Scene
     start: MotionState
@@ -440,8 +443,7 @@ def first_common_problem(
 ) -> tuple[list[Term], MotionState]:
     """The terms and the start of the first fit of one motion to all views."""
     scene, state = made.scene, shared_shapes(made.start, made.scene.performers)
-    K = scene.K.to(state.trans)
-    cameras = cameras_from_motion(scene.aligned(state), K, scene.reference)
+    cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
     keypoints = (
         common_motion.with_initial_offsets(scene, options) if rigid_offsets else scene.keypoints
     )

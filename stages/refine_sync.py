@@ -34,7 +34,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.cli import stage_main
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, LoopSteps, alternate
 from imocap_core.motion.multiview.scene import JointMotion
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.process import release_freed_memory, release_if_large
@@ -133,7 +133,7 @@ def _in_turn(
 
     def solve(sync: SyncSummary) -> tuple[JointProblem, JointMotion]:
         again = _problem(ctx, inputs, params, sync)
-        return again, recover_motion(again.scene, again.start, again.options, solving)
+        return again, solve_jointly(again.scene, again.start, again.options, solving)
 
     progress("videos and time axis")
     begun, first_of_loop = loop_sync.beginning(problem, single_pass, solve)

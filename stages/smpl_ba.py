@@ -6,7 +6,7 @@ from imocap_core.adapters.ground import with_ground
 from imocap_core.adapters.joint import problem_of
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, SmplBa, Sync
 from imocap_core.cli import stage_main
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.process import release_if_large
@@ -30,8 +30,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
         event=ctx.event(),
         device=ctx.device,
     )
-    motion = recover_motion(problem.scene, problem.start, problem.options, progress)
-    return with_ground(problem.result(motion), keypoints, cameras, sync.excluded, params.fit)
+    motion = solve_jointly(problem.scene, problem.start, problem.options, progress)
+    result = problem.result(motion)
+    return with_ground(result, keypoints, cameras, sync.excluded, params.fit)
 
 
 if __name__ == "__main__":

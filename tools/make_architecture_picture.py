@@ -28,7 +28,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 # From a stage to the residual: each file, and where in it the calls go on to the next.
 CHAIN = (
     ("stages/smpl_ba.py", "run"),
-    ("imocap_core/motion/multiview/smpl_ba.py", "recover_motion"),
+    ("imocap_core/motion/multiview/smpl_ba.py", "solve_jointly"),
     ("imocap_core/motion/multiview/common_motion.py", "fit_in_stages"),
     ("imocap_core/motion/gauss_newton.py", "gauss_newton"),
     ("imocap_core/motion/terms/reprojection.py", "Reprojection.add_to"),

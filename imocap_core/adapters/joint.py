@@ -31,7 +31,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.repair import with_sides
 from imocap_core.motion.multiview.scene import JointMotion, Scene
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.observations import Observation, from_one_place
 from imocap_core.motion.prior import load_pose_prior
@@ -90,7 +90,7 @@ class JointProblem:
     ) -> JointMotion:
         """The motion with other correspondences, begun at an earlier one; with `restart` through
         all robust scales again (docs/decisions.md)."""
-        return recover_motion(
+        return solve_jointly(
             self.synchronised(sync).scene,
             before.state,
             self.options,

@@ -42,7 +42,6 @@ from imocap_core.motion.multiview.common_motion import (
     with_initial_offsets,
     with_keypoint_spread,
 )
-from imocap_core.motion.multiview.low_rank import consensus_motion
 from imocap_core.motion.multiview.per_video import (
     deviation_terms,
     facing_agreement,
@@ -50,7 +49,7 @@ from imocap_core.motion.multiview.per_video import (
     per_video_terms,
     targets_of,
 )
-from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene, consensus_motion
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.posterior_noise import (
     Noise,

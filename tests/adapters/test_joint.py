@@ -17,7 +17,7 @@ from imocap_core.artifacts.schemas import AlternativeMotion, Keypoints, SmplBa, 
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.repair import LEGS
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.params import FitParams, MotionParams, Params
 from tests.made_sync import trust_in
 from tests.report.made import K, Made
@@ -63,7 +63,7 @@ def test_frames_that_the_reference_does_not_show_have_places_beyond_it(made: Mad
 
 
 def solved(of: JointProblem) -> JointMotion:
-    return recover_motion(of.scene, of.start, of.options)
+    return solve_jointly(of.scene, of.start, of.options)
 
 
 @pytest.fixture(scope="module")

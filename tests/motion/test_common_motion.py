@@ -8,7 +8,7 @@ import torch
 
 from imocap_core.motion.multiview.common_motion import unknowns_of
 from imocap_core.motion.multiview.scene import JointMotion, Scene
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
@@ -48,7 +48,7 @@ def start_of(made: Made) -> MotionState:
 
 def recovered(made: Made, spread: float, max_steps: int) -> JointMotion:
     options: MotionParams = replace(OPTIONS, max_steps=max_steps)
-    return recover_motion(assumed(made, spread), start_of(made), options)
+    return solve_jointly(assumed(made, spread), start_of(made), options)
 
 
 def focal_errors(found: JointMotion) -> np.ndarray:

@@ -14,7 +14,7 @@ from torch.utils._pytree import tree_leaves
 from benchmarks.solver_race import adam, lbfgs, made_scene
 from imocap_core.motion.gauss_newton import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.monocular.fit import monocular_terms
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.normal import solve_globals
 from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
@@ -109,8 +109,8 @@ def test_a_cuda_device_finds_the_same_motion(made: Made, solver: Callable[..., A
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="this machine has no CUDA device")
 def test_all_of_smpl_ba_runs_on_a_cuda_device() -> None:
     made = made_scene(2, 30, FitParams(), 3)
-    here = recover_motion(made.scene, made.start, MotionParams())
-    there = recover_motion(on_cuda(made.scene), on_cuda(made.start), MotionParams())
+    here = solve_jointly(made.scene, made.start, MotionParams())
+    there = solve_jointly(on_cuda(made.scene), on_cuda(made.start), MotionParams())
     assert there.state.R_local.is_cuda
     assert torch.allclose(there.state.trans.cpu(), here.state.trans, atol=1e-6)
     assert torch.allclose(there.state.R_local.cpu(), here.state.R_local, atol=1e-6)

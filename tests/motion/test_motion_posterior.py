@@ -23,7 +23,7 @@ from imocap_core.motion.motion_posterior import (
 )
 from imocap_core.motion.multiview.per_video import per_video_terms
 from imocap_core.motion.multiview.scene import JointMotion, Scene
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.posterior_noise import Noise, joint_jacobian, vector_covariance
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -46,7 +46,7 @@ def made() -> Made:
 def given(made: Made) -> tuple[Scene, JointMotion]:
     """A scene and its result."""
     all_ = whole(made)
-    return all_, recover_motion(all_, disturbed(in_own_axes(made), 0.05), OPTIONS)
+    return all_, solve_jointly(all_, disturbed(in_own_axes(made), 0.05), OPTIONS)
 
 
 def few(made: Made, frames: int) -> tuple[Scene, MotionState]:

@@ -17,7 +17,7 @@ from imocap_core.motion.multiview.repair import (
     with_sides_of_others,
 )
 from imocap_core.motion.multiview.scene import Cameras, Scene
-from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.multiview.timeline import Timeline
 from imocap_core.motion.state import MotionState
 from imocap_core.rotations import exp
@@ -127,10 +127,10 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
 def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made) -> None:
     true = in_own_axes(made)
     start = disturbed(true, 0.03)
-    good = recover_motion(whole(made), start, OPTIONS)
+    good = solve_jointly(whole(made), start, OPTIONS)
     error_mm = mpjpe_mm(made.body, good.state, true)
     np.testing.assert_array_equal(good.swapped, np.zeros((len(TURNS_DEG), FRAMES)))
     for state in (LEGS, WHOLE):
-        hit = recover_motion(confused(whole(made), state), start, OPTIONS)
+        hit = solve_jointly(confused(whole(made), state), start, OPTIONS)
         assert mpjpe_mm(made.body, hit.state, true) < 1.05 * error_mm + 0.5
         np.testing.assert_array_equal(hit.swapped[VIDEO], np.where(STRETCH, state, 0))

@@ -12,10 +12,16 @@ from imocap_core.camera.averaging import angle_deg
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.motion_posterior import motion_posterior
 from imocap_core.motion.multiview.common_motion import misfit, spread_beyond_noise_m
-from imocap_core.motion.multiview.low_rank import agreement, mean_shapes, to_world
 from imocap_core.motion.multiview.per_video import joint_spread_rad
-from imocap_core.motion.multiview.scene import JointMotion, Scene, align, cameras_from_motion
-from imocap_core.motion.multiview.smpl_ba import common_then_deviations, recover_motion
+from imocap_core.motion.multiview.scene import (
+    JointMotion,
+    Scene,
+    agreement,
+    cameras_from_motion,
+    mean_shapes,
+    to_world,
+)
+from imocap_core.motion.multiview.smpl_ba import common_then_deviations, solve_jointly
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.posterior_noise import Noise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -66,17 +72,15 @@ def disturbed(state: MotionState, spread: float) -> MotionState:
 def solved(made: Made) -> Callable[[str], JointMotion]:
     """The scene solved from a disturbed start, by the objective."""
     start = disturbed(in_own_axes(made), 0.12)
-    return cache(
-        lambda which: recover_motion(whole(made), start, replace(OPTIONS, objective=which))
-    )
+    return cache(lambda which: solve_jointly(whole(made), start, replace(OPTIONS, objective=which)))
 
 
 def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
-    aligned = align(made.body, in_own_axes(made), whole(made).timeline)
-    cameras = cameras_from_motion(aligned, whole(made).K, 0)
+    scene, truth = whole(made), in_own_axes(made)
+    cameras = cameras_from_motion(scene, truth, scene.K)
     assert float(np.max(angle_deg(cameras.R.numpy(), made.R))) < 1e-4
     np.testing.assert_allclose(cameras.t.numpy(), made.t, atol=1e-6)
-    world = to_world(aligned, cameras)
+    world = to_world(scene.aligned(truth), cameras)
     assert torch.allclose(world.root[1], world.root[0], atol=1e-6)
 
 
@@ -95,7 +99,7 @@ def test_a_round_goes_on_where_the_one_before_stopped(made, solved, objective):
     truth, scene, first = in_own_axes(made), whole(made), solved(objective)
     options = replace(OPTIONS, objective=objective)
     said: list[str] = []
-    again = recover_motion(scene, first.state, options, said.append, cameras=first.cameras)
+    again = solve_jointly(scene, first.state, options, said.append, cameras=first.cameras)
     assert not any("10x" in what or "3x" in what for what in said)
     assert again.misfit <= 1.1 * first.misfit
     assert mpjpe_mm(made.body, again.state, truth) <= 1.05 * mpjpe_mm(made.body, first.state, truth)
@@ -106,7 +110,7 @@ def test_a_round_goes_on_where_the_one_before_stopped(made, solved, objective):
 def test_a_round_afresh_passes_all_robust_scales(made, solved):
     truth, scene, first = in_own_axes(made), whole(made), solved("shared")
     given, said = (scene, first.state, OPTIONS), list[str]()
-    again = recover_motion(*given, said.append, cameras=first.cameras, restart=True)
+    again = solve_jointly(*given, said.append, cameras=first.cameras, restart=True)
     assert [what for what in said if "10x" in what or "3x" in what]
     assert mpjpe_mm(made.body, again.state, truth) <= 1.05 * mpjpe_mm(made.body, first.state, truth)
 
@@ -154,7 +158,7 @@ def test_a_round_from_cameras_that_are_wrong_finds_them(made, solved):
     scene, first = whole(made), solved("shared")
     turn = exp(torch.tensor([0.0, 0.1, 0.0], dtype=torch.float64))
     wrong = replace(first.cameras, R=torch.cat([first.cameras.R[:1], turn @ first.cameras.R[1:]]))
-    again = recover_motion(scene, first.state, OPTIONS, cameras=wrong)
+    again = solve_jointly(scene, first.state, OPTIONS, cameras=wrong)
     off = angle_deg(again.cameras.R.numpy(), made.R)
     assert float(np.max(off)) < 0.5 * float(np.degrees(0.1))
 
@@ -163,7 +167,7 @@ def test_a_round_from_cameras_that_are_wrong_finds_them(made, solved):
 def test_unmatched_frames_get_a_pose_too(made: Made) -> None:
     truth = in_own_axes(made)
     start, options = disturbed(truth, 0.12), replace(OPTIONS, max_steps=2)
-    found = recover_motion(whole(made, unmatched=5), start, options).state
+    found = solve_jointly(whole(made, unmatched=5), start, options).state
     assert bool(torch.isfinite(found.R_local).all())
     assert mpjpe_mm(made.body, found, truth) < mpjpe_mm(made.body, start, truth)
 
@@ -177,7 +181,7 @@ def test_one_video_keeps_its_monocular_motion(made: Made) -> None:
         timeline=make_timeline(maps, [np.ones(FRAMES)], FRAMES),
         confidences=[np.ones(FRAMES)],
     )
-    found = recover_motion(one, alone, OPTIONS)
+    found = solve_jointly(one, alone, OPTIONS)
     assert found.state is alone
     assert "one video" in found.status
 
@@ -258,7 +262,7 @@ def start_of(two_performers: Made) -> MotionState:
 
 @pytest.fixture(scope="module")
 def declared(two_performers: Made) -> JointMotion:
-    return recover_motion(whole(two_performers), start_of(two_performers), OPTIONS)
+    return solve_jointly(whole(two_performers), start_of(two_performers), OPTIONS)
 
 
 @pytest.mark.long
@@ -278,7 +282,7 @@ def test_declared_performers_are_recovered_better_than_one_body(two_performers, 
     one = replace(
         two_performers, observations=[replace(o, performer=0) for o in two_performers.observations]
     )
-    undeclared = recover_motion(whole(one), start_of(one), OPTIONS)
+    undeclared = solve_jointly(whole(one), start_of(one), OPTIONS)
     assert torch.equal(undeclared.state.betas[0], undeclared.state.betas[1])
     errors = [
         mpjpe_mm(two_performers.body, m.state, two_performers.state) for m in (declared, undeclared)
@@ -289,7 +293,7 @@ def test_declared_performers_are_recovered_better_than_one_body(two_performers, 
 @pytest.mark.long
 def test_the_order_of_performers_does_not_count(two_performers, declared):
     others = [replace(o, performer=1 - o.performer) for o in two_performers.observations]
-    turned = recover_motion(
+    turned = solve_jointly(
         whole(replace(two_performers, observations=others)), start_of(two_performers), OPTIONS
     )
     assert mpjpe_mm(two_performers.body, turned.state, declared.state) < 3.0

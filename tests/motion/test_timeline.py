@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.multiview.smpl_ba import Axis, continued, recover_motion
+from imocap_core.motion.multiview.smpl_ba import Axis, continued, solve_jointly
 from imocap_core.motion.multiview.timeline import (
     BeyondReference,
     common_grid,
@@ -156,8 +156,8 @@ def test_one_video_that_faces_the_wrong_way_there_is_turned_by_the_other(made: M
     half_turn = torch.diag(torch.tensor([-1.0, 1.0, -1.0], dtype=torch.float64))
     start.R_local[1, : BEFORE - 1, 0] = half_turn @ start.R_local[1, : BEFORE - 1, 0]
     start, truth = of_shorter(start), of_shorter(truth)
-    alone = recover_motion(shorter(made, 0.0), start, replace(OPTIONS, max_steps=1))
-    together = recover_motion(shorter(made, 0.8), start, OPTIONS)
+    alone = solve_jointly(shorter(made, 0.0), start, replace(OPTIONS, max_steps=1))
+    together = solve_jointly(shorter(made, 0.8), start, OPTIONS)
     count = SHOWN.stop - SHOWN.start
     assert together.common.R_local.shape[1] == together.spread.keypoints_m.shape[1] == count
     errors = []

@@ -323,13 +323,13 @@ class CommonFit:
     """The common motion (batch of 1, world axes), its cameras, and how the solver ended.
 
     Attributes:
-        spread: how far each performance deviates; None: one motion for all.
+        spread: how far each performance deviates.
         costs: the objective after each stage.
     """
 
     motion: MotionState
     cameras: Cameras
-    spread: DeviationSpread | None
+    spread: DeviationSpread
     costs: list[float]
     status: str
 
@@ -376,8 +376,10 @@ def fit_in_stages(
         spread_m = keypoint_spread_m(replace(views, robust_scale=final), motion, scene.fps)
         costs.append(solution.costs[-1])
         status = solution.status
-    sd = views.keypoints.offset_sd
-    spread = None if sd is None else DeviationSpread(spread_m, sd)
+    if views.keypoints.offset_sd is None:
+        spread = estimate_spread(scene, motion, cameras, options)
+    else:
+        spread = DeviationSpread(spread_m, views.keypoints.offset_sd)
     return CommonFit(motion, cameras, spread, costs, status)
 
 

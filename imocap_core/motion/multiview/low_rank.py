@@ -1,12 +1,11 @@
 """The low-rank model of motions across videos (Eq. 4, 5) and one round of Eq. 8's alternation.
 
-Z and Y by SVD, poses and paths by the solver, cameras by rigid alignment or PnP. Beside it the mean
-motion of all videos, in which each joint counts by how far it follows the other videos.
+Z and Y by SVD, poses and paths by the solver, cameras by rigid alignment or PnP: SMPL-BA as in the
+paper. Ours is `smpl_ba.recover_motion`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,18 +23,18 @@ from imocap_core.motion.multiview.per_video import (
     to_video_frames,
 )
 from imocap_core.motion.multiview.scene import (
-    AlignedMotions,
     Cameras,
     JointMotion,
     Scene,
     cameras_from_motion,
+    consensus_motion,
+    in_world,
+    shared_shapes,
     solve,
 )
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms.base import running_mean
 from imocap_core.params import MotionParams
-from imocap_core.robust import geman_mcclure_weight
-from imocap_core.rotations import exp, geodesic_angle, log, project
+from imocap_core.rotations import exp, log
 from imocap_core.rotations import mean as mean_rotation
 
 
@@ -112,97 +111,6 @@ def low_rank_paths(
     return mean + low_rank_rows(rows, used, rank).reshape(paths.shape)
 
 
-def low_rank_targets(
-    world: AlignedMotions, joint_weight: Float[Tensor, "M N 24"], rank: int
-) -> tuple[Float[Tensor, "M N 24 3 3"], Float[Tensor, "M N 3"]]:
-    """Z and Y in the world's axes: the SVD step of Eq. 8."""
-    Z = low_rank_poses(world.R_local, joint_weight, rank)
-    Y = low_rank_paths(world.root, world.weight, rank)
-    return Z, Y
-
-
-SMOOTH_FRAMES = 7  # over which agreement between videos is averaged
-
-
-def to_world(aligned: AlignedMotions, cameras: Cameras) -> AlignedMotions:
-    """The same motions, from their own cameras' axes into the world's."""
-    R_world_from_cam = cameras.R.transpose(-1, -2)
-    R_local = aligned.R_local.clone()
-    R_local[:, :, 0] = R_world_from_cam[:, None] @ R_local[:, :, 0]
-    centred = aligned.root - cameras.t[:, None]
-    return replace(
-        aligned, R_local=R_local, root=torch.einsum("mij,mnj->mni", R_world_from_cam, centred)
-    )
-
-
-def agreement(
-    R: Float[Tensor, "M N J 3 3"],
-    weight: Float[Tensor, "M N"],
-    *,
-    scale_rad: float,
-    smooth_frames: int,
-) -> Float[Tensor, "M N J"]:
-    """Geman-McClure weight of each joint's angle to the mean of the OTHER videos.
-
-    Leaving the video itself out matters with few videos: it would otherwise vote for itself.
-
-    Args:
-        R: local rotations in common axes; weight: trust in each match.
-        scale_rad: angle at which the weight has fallen to a quarter.
-        smooth_frames: angles are averaged over this many frames, so that monocular noise in single
-            frames changes little.
-
-    Returns:
-        Weights in [0, 1], 0 for unmatched frames.
-    """
-    weighted = weight[..., None, None, None] * R
-    others = weighted.sum(0, keepdim=True) - weighted
-    any_other = (weight.sum(0, keepdim=True) - weight) > 1e-6
-    eye = torch.eye(3).to(R)
-    consensus = project(torch.where(any_other[..., None, None, None], others, eye))
-    angle = geodesic_angle(R, consensus).movedim(1, 2)  # (M, J, N)
-    angle = running_mean(angle, smooth_frames // 2).movedim(2, 1)
-    follows = geman_mcclure_weight(angle, scale_rad)
-    return torch.where(any_other[..., None], follows, 1.0) * (weight > 0)[..., None]
-
-
-def in_world(
-    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
-) -> tuple[AlignedMotions, Float[Tensor, "M N 24"]]:
-    """All videos' motions at the reference's frames in the world's axes, and the weight of each
-    joint: trust in the match, and how far it follows the other videos (`agreement`)."""
-    world = to_world(scene.aligned(state), cameras)
-    follows = agreement(
-        world.R_local, world.weight, scale_rad=agreement_rad, smooth_frames=SMOOTH_FRAMES
-    )
-    return world, follows
-
-
-def consensus_motion(
-    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
-) -> MotionState:
-    """The mean motion of all videos at the reference's frames (batch of 1, world axes).
-
-    Args:
-        state: every video's motion in its own camera's axes.
-        agreement_rad: a joint that differs by more than this from the others counts little.
-    """
-    world, follows = in_world(scene, state, cameras, agreement_rad)
-    R = mean_rotation(world.R_local, follows * world.weight[..., None])
-    path = world.root[scene.reference]
-    shapes = mean_shapes(state, scene.performers)
-    rest = scene.body.model.shape(shapes[:1]).joints_rest[:, 0]
-    valid = torch.ones(1, len(path), dtype=torch.bool, device=path.device)
-    motion = MotionState.of(R[None], (path - rest)[None], shapes[:1], valid)
-    return replace(motion, other_betas=shapes[None, 1:])
-
-
-def mean_shapes(state: MotionState, performers: Sequence[int]) -> Float[Tensor, "P 10"]:
-    """Of each performer the mean shape of the videos that show it."""
-    rows = torch.tensor(list(performers), device=state.betas.device)
-    return torch.stack([state.betas[rows == p].mean(0) for p in range(max(performers) + 1)])
-
-
 def low_rank_round(
     scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, *, pnp: bool
 ) -> tuple[MotionState, Cameras, float]:
@@ -215,7 +123,8 @@ def low_rank_round(
         pnp: refine the cameras by PnP over all frames (section 3.2, "Optimization").
     """
     world, follows = in_world(scene, state, cameras, options.agreement_rad)
-    Z, Y = low_rank_targets(world, follows * world.weight[..., None], options.rank)
+    Z = low_rank_poses(world.R_local, follows * world.weight[..., None], options.rank)
+    Y = low_rank_paths(world.root, world.weight, options.rank)
     targets = to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
     joint_weight = to_video_frames(follows, scene.timeline, state) / options.coupling_rad**2
     path_weight = torch.full_like(targets.trust, options.coupling_path_m**-2)
@@ -223,7 +132,7 @@ def low_rank_round(
     terms += coupling_terms(scene.body, targets, state, joint_weight, path_weight)
     solution = solve(terms, state, options.max_steps, performers=scene.performers)
     state = solution.state
-    cameras = cameras_from_motion(scene.aligned(state), cameras.K, scene.reference)
+    cameras = cameras_from_motion(scene, state, cameras.K)
     if pnp:
         common = consensus_motion(scene, state, cameras, options.agreement_rad)
         cameras = refine_by_pnp(scene, common, cameras)
@@ -256,10 +165,14 @@ def refine_by_pnp(scene: Scene, motion: MotionState, cameras: Cameras) -> Camera
 
 
 def alternated(
-    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, progress: Progress
+    scene: Scene, start: MotionState, options: MotionParams, progress: Progress = lambda _: None
 ) -> JointMotion:
-    """Section 3.2, "Optimization": the alternations of Eq. 8."""
-    costs = []
+    """Section 3.2, "Optimization": the alternations of Eq. 8, of two videos or more.
+
+    start: motions in their own camera axes (batch of M).
+    """
+    state, costs = shared_shapes(start, scene.performers), []
+    cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
     for round_ in range(options.rounds):
         progress(f"coupled fit {round_ + 1} of {options.rounds}")
         state, cameras, cost = low_rank_round(scene, state, cameras, options, pnp=round_ > 0)

@@ -1,4 +1,4 @@
-"""What SMPL-BA works on and returns: videos, cameras, motions at the reference's frames."""
+"""What SMPL-BA works on, begins at, and returns: videos, cameras, motions at common frames."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import Term
+from imocap_core.motion.terms.base import running_mean
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.robust import geman_mcclure_weight
-from imocap_core.rotations import geodesic_angle
+from imocap_core.rotations import geodesic_angle, project
 from imocap_core.rotations import mean as chordal_mean
 
 
@@ -63,11 +64,6 @@ def align(body: Body, state: MotionState, timeline: Timeline) -> AlignedMotions:
     return AlignedMotions(torch.stack(R), torch.stack(p), weight)
 
 
-CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
-ROUNDS = 4  # of the consensus
-PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances
-
-
 @dataclass(frozen=True)
 class Cameras:
     """One camera a video: ``x_cam = R x_world + t``; the world is the reference's camera axes.
@@ -89,54 +85,6 @@ class Cameras:
         """The same cameras with the axes of one of them as the world's."""
         R = self.R @ self.R[reference].T
         return Cameras(R, self.t - R @ self.t[reference], self.K)
-
-
-def cameras_from_motion(
-    aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int
-) -> Cameras:
-    """Rigid alignment of all videos' motions (section 3.2, "Initialization").
-
-    With every motion in its own camera's axes, a camera's rotation is a robust average of root
-    orientations, its translation a robust mean of distances between root paths. The first consensus
-    is the reference alone; each round replaces it by the consensus of all videos, so that every
-    pair of videos counts.
-    """
-    R_root = aligned.R_local[:, :, 0]
-    videos = len(R_root)
-    R = torch.eye(3).to(R_root).repeat(videos, 1, 1)
-    weight = aligned.weight.clone()
-    consensus, trust = R_root[reference], weight[reference]
-    for _ in range(ROUNDS):
-        for v in range(videos):
-            relative = R_root[v] @ consensus.transpose(-1, -2)
-            share = weight[v] * trust
-            if bool((share > 0).any()):
-                average = mean_rotation(relative.cpu().numpy(), share.cpu().numpy())
-                R[v] = torch.as_tensor(average).to(R)
-        R = R @ R[reference].transpose(-1, -2)
-        R[reference] = torch.eye(3).to(R)
-        in_world = R.transpose(-1, -2)[:, None] @ R_root
-        consensus = chordal_mean(in_world, weight)
-        angle = geodesic_angle(in_world, consensus[None])
-        consensus = chordal_mean(in_world, geman_mcclure_weight(angle, CONSENSUS_RAD, prior=weight))
-        trust = weight.amax(0)
-    return Cameras(R, _translations(aligned, R, reference), K)
-
-
-def _translations(aligned: AlignedMotions, R: Tensor, reference: int) -> Tensor:
-    """(M, 3) robust mean over frames of ``root_j - R_j root_reference``."""
-    path = aligned.root[reference]
-    shift = aligned.root - torch.einsum("mij,nj->mni", R, path)
-    share = aligned.weight * aligned.weight[reference]
-    rows = []
-    for v in range(len(R)):
-        usable = share[v].cpu().numpy()
-        if not (usable > 0).any():
-            usable = np.ones_like(usable)
-        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M))
-    t = torch.as_tensor(np.stack(rows)).to(R)
-    t[reference] = 0.0
-    return t
 
 
 @dataclass(frozen=True)
@@ -328,3 +276,145 @@ def solve(
         shared_globals=performers is not None,
         bodies=performers,
     )
+
+
+# Where a solve begins: what the monocular motions of all videos agree on. Each is in its camera's
+# axes, so the rotations between root orientations are those between cameras.
+
+CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
+ROUNDS = 4  # of the consensus
+PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances
+
+
+def cameras_from_motion(scene: Scene, state: MotionState, K: Float[Tensor, "M 3 3"]) -> Cameras:
+    """Rigid alignment of all videos' motions (section 3.2, "Initialization"), with intrinsics K.
+
+    With every motion in its own camera's axes, a camera's rotation is a robust average of root
+    orientations, its translation a robust mean of distances between root paths. The first consensus
+    is the reference alone; each round replaces it by the consensus of all videos, so that every
+    pair of videos counts.
+    """
+    aligned, reference = scene.aligned(state), scene.reference
+    R_root = aligned.R_local[:, :, 0]
+    videos = len(R_root)
+    R = torch.eye(3).to(R_root).repeat(videos, 1, 1)
+    weight = aligned.weight.clone()
+    consensus, trust = R_root[reference], weight[reference]
+    for _ in range(ROUNDS):
+        for v in range(videos):
+            relative = R_root[v] @ consensus.transpose(-1, -2)
+            share = weight[v] * trust
+            if bool((share > 0).any()):
+                average = mean_rotation(relative.cpu().numpy(), share.cpu().numpy())
+                R[v] = torch.as_tensor(average).to(R)
+        R = R @ R[reference].transpose(-1, -2)
+        R[reference] = torch.eye(3).to(R)
+        in_world = R.transpose(-1, -2)[:, None] @ R_root
+        consensus = chordal_mean(in_world, weight)
+        angle = geodesic_angle(in_world, consensus[None])
+        consensus = chordal_mean(in_world, geman_mcclure_weight(angle, CONSENSUS_RAD, prior=weight))
+        trust = weight.amax(0)
+    return Cameras(R, _translations(aligned, R, reference), K)
+
+
+def _translations(aligned: AlignedMotions, R: Tensor, reference: int) -> Tensor:
+    """(M, 3) robust mean over frames of ``root_j - R_j root_reference``."""
+    path = aligned.root[reference]
+    shift = aligned.root - torch.einsum("mij,nj->mni", R, path)
+    share = aligned.weight * aligned.weight[reference]
+    rows = []
+    for v in range(len(R)):
+        usable = share[v].cpu().numpy()
+        if not (usable > 0).any():
+            usable = np.ones_like(usable)
+        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M))
+    t = torch.as_tensor(np.stack(rows)).to(R)
+    t[reference] = 0.0
+    return t
+
+
+SMOOTH_FRAMES = 7  # over which agreement between videos is averaged
+
+
+def to_world(aligned: AlignedMotions, cameras: Cameras) -> AlignedMotions:
+    """The same motions, from their own cameras' axes into the world's."""
+    R_world_from_cam = cameras.R.transpose(-1, -2)
+    R_local = aligned.R_local.clone()
+    R_local[:, :, 0] = R_world_from_cam[:, None] @ R_local[:, :, 0]
+    centred = aligned.root - cameras.t[:, None]
+    return replace(
+        aligned, R_local=R_local, root=torch.einsum("mij,mnj->mni", R_world_from_cam, centred)
+    )
+
+
+def agreement(
+    R: Float[Tensor, "M N J 3 3"],
+    weight: Float[Tensor, "M N"],
+    *,
+    scale_rad: float,
+    smooth_frames: int,
+) -> Float[Tensor, "M N J"]:
+    """Geman-McClure weight of each joint's angle to the mean of the OTHER videos.
+
+    Leaving the video itself out matters with few videos: it would otherwise vote for itself.
+
+    Args:
+        R: local rotations in common axes; weight: trust in each match.
+        scale_rad: angle at which the weight has fallen to a quarter.
+        smooth_frames: angles are averaged over this many frames, so that monocular noise in single
+            frames changes little.
+
+    Returns:
+        Weights in [0, 1], 0 for unmatched frames.
+    """
+    weighted = weight[..., None, None, None] * R
+    others = weighted.sum(0, keepdim=True) - weighted
+    any_other = (weight.sum(0, keepdim=True) - weight) > 1e-6
+    eye = torch.eye(3).to(R)
+    consensus = project(torch.where(any_other[..., None, None, None], others, eye))
+    angle = geodesic_angle(R, consensus).movedim(1, 2)  # (M, J, N)
+    angle = running_mean(angle, smooth_frames // 2).movedim(2, 1)
+    follows = geman_mcclure_weight(angle, scale_rad)
+    return torch.where(any_other[..., None], follows, 1.0) * (weight > 0)[..., None]
+
+
+def in_world(
+    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
+) -> tuple[AlignedMotions, Float[Tensor, "M N 24"]]:
+    """All videos' motions at the reference's frames in the world's axes, and the weight of each
+    joint: trust in the match, and how far it follows the other videos (`agreement`)."""
+    world = to_world(scene.aligned(state), cameras)
+    follows = agreement(
+        world.R_local, world.weight, scale_rad=agreement_rad, smooth_frames=SMOOTH_FRAMES
+    )
+    return world, follows
+
+
+def consensus_motion(
+    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
+) -> MotionState:
+    """The mean motion of all videos at the reference's frames (batch of 1, world axes).
+
+    Args:
+        state: every video's motion in its own camera's axes.
+        agreement_rad: a joint that differs by more than this from the others counts little.
+    """
+    world, follows = in_world(scene, state, cameras, agreement_rad)
+    R = chordal_mean(world.R_local, follows * world.weight[..., None])
+    path = world.root[scene.reference]
+    shapes = mean_shapes(state, scene.performers)
+    rest = scene.body.model.shape(shapes[:1]).joints_rest[:, 0]
+    valid = torch.ones(1, len(path), dtype=torch.bool, device=path.device)
+    motion = MotionState.of(R[None], (path - rest)[None], shapes[:1], valid)
+    return replace(motion, other_betas=shapes[None, 1:])
+
+
+def mean_shapes(state: MotionState, performers: Sequence[int]) -> Float[Tensor, "P 10"]:
+    """Of each performer the mean shape of the videos that show it."""
+    rows = torch.tensor(list(performers), device=state.betas.device)
+    return torch.stack([state.betas[rows == p].mean(0) for p in range(max(performers) + 1)])
+
+
+def shared_shapes(state: MotionState, performers: Sequence[int]) -> MotionState:
+    """The mean shape of a performer's videos for every one of them."""
+    return replace(state, betas=mean_shapes(state, performers)[list(performers)])

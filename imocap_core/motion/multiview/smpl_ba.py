@@ -1,9 +1,8 @@
 """SMPL-BA: the motion of every video and all cameras, jointly (Eq. 8).
 
-Two ways behind one parameter. ``paper`` alternates as the paper does: Z and Y by SVD, poses and
-paths by the solver, cameras by PnP. ``shared`` (default) fits ONE motion to all views' 2D at once
-and gives each video back as much freedom as its own image evidence asks for. ``single`` stops
-before that last step: one motion for all videos.
+``motion.objective=shared`` (default) fits ONE motion to all views' 2D at once and gives each video
+back as much freedom as its own image evidence asks for. ``single`` stops before that last step: one
+motion for all videos. The paper's own way is `low_rank.alternated`.
 
 Other videos may begin earlier or end later than the reference. The axis of the common motion is
 continued as far as two videos reach, for the solve alone.
@@ -19,11 +18,18 @@ import torch
 from jaxtyping import Float, Int
 
 from imocap_core.motion.monocular.fit import Progress
-from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
-from imocap_core.motion.multiview.low_rank import alternated, consensus_motion, mean_shapes
+from imocap_core.motion.multiview.common_motion import fit_in_stages, misfit
+from imocap_core.motion.multiview.low_rank import alternated
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import with_sides_of_others
-from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene, cameras_from_motion
+from imocap_core.motion.multiview.scene import (
+    Cameras,
+    JointMotion,
+    Scene,
+    cameras_from_motion,
+    consensus_motion,
+    shared_shapes,
+)
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
@@ -48,6 +54,8 @@ class Axis:
 def continued(scene: Scene) -> tuple[Scene, Axis]:
     """The scene on the axis continued as far as two videos reach, and that axis."""
     frames = scene.timeline.from_reference.shape[1]
+    if not scene.beyond:
+        return scene, Axis(0, frames, 0)
     places = [
         _with_places(position, beyond)
         for position, beyond in zip(scene.timeline.to_reference, scene.beyond, strict=True)
@@ -103,7 +111,7 @@ def _axis(places: Sequence[Float[np.ndarray, " _"]], frames: int) -> Axis:
     return Axis(max(0, int(before)), frames, max(0, int(after)))
 
 
-def recover_motion(
+def solve_jointly(
     scene: Scene,
     start: MotionState,
     options: MotionParams,
@@ -112,7 +120,7 @@ def recover_motion(
     cameras: Cameras | None = None,
     restart: bool = False,
 ) -> JointMotion:
-    """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
+    """SMPL-BA by ``motion.objective``, from motions in their own camera axes (batch of M).
 
     Args:
         cameras: of an earlier result that ``start`` is part of (``paper`` begins anew all the
@@ -122,30 +130,40 @@ def recover_motion(
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
-    if options.objective != "shared" or not scene.beyond:
-        return _recovered(scene, start, options, progress, cameras, restart)
-    scene, axis = continued(scene)
-    result = _recovered(scene, start, options, progress, cameras, restart)
-    return within_reference(result, axis)
+    if options.objective == "paper":
+        return alternated(scene, start, options, progress)
+    if options.objective == "shared":
+        return recover_motion(scene, start, options, progress, cameras=cameras, restart=restart)
+    restart = restart or cameras is None
+    return one_motion(*_begun(scene, start, cameras), options, progress, restart=restart)
 
 
-def _recovered(
+def recover_motion(
     scene: Scene,
     start: MotionState,
     options: MotionParams,
-    progress: Progress,
-    cameras: Cameras | None,
-    restart: bool,
+    progress: Progress = lambda _: None,
+    *,
+    cameras: Cameras | None = None,
+    restart: bool = False,
 ) -> JointMotion:
-    """The same of two videos or more, on the scene's own axis."""
+    """One motion for all views, then each video's deviation from it, on an axis that may reach
+    beyond the reference. Arguments as of `solve_jointly`, of two videos or more."""
+    restart = restart or cameras is None
+    scene, axis = continued(scene)
+    begun = _begun(scene, start, cameras)
+    motion = common_then_deviations(*begun, options, progress, restart=restart)
+    return within_reference(motion, axis)
+
+
+def _begun(
+    scene: Scene, start: MotionState, cameras: Cameras | None
+) -> tuple[Scene, MotionState, Cameras]:
+    """The scene with sides put right, the motions with one shape a performer, and the cameras."""
     state = shared_shapes(start, scene.performers)
-    if cameras is None or options.objective == "paper":
-        K = scene.K.to(start.trans)
-        cameras, restart = cameras_from_motion(scene.aligned(state), K, scene.reference), True
-    if options.objective == "paper":
-        return alternated(scene, state, cameras, options, progress)
-    scene = with_sides_of_others(scene, state, cameras)
-    return common_then_deviations(scene, state, cameras, options, progress, restart=restart)
+    if cameras is None:
+        cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
+    return with_sides_of_others(scene, state, cameras), state, cameras
 
 
 def common_then_deviations(
@@ -170,29 +188,37 @@ def common_then_deviations(
     common = fit_in_stages(
         scene, start, cameras, options, progress, cameras_known=cameras_known, restart=restart
     )
-    motion, cameras = common.motion, common.cameras
-    if common.spread is None:
-        fit = misfit(scene, motion, cameras)
-        status = f"one motion for all: {common.status}"
-        spread = estimate_spread(scene, motion, cameras, options)
-        state = follow_common(scene.with_intrinsics(cameras), state, motion, cameras, options)
-        motion = motion.uncached()
-        return JointMotion(state, cameras, motion, spread, common.costs, status, fit, scene.swapped)
-    fit = misfit(scene, motion, cameras, common.spread.offset_sd)
+    motion, cameras, spread = common.motion, common.cameras, common.spread
+    fit = misfit(scene, motion, cameras, spread.offset_sd)
     progress("each video's own deviation")
     solved = scene.with_intrinsics(cameras)
-    state, cost = fit_deviations(
-        solved, state, motion, cameras, common.spread, options, restart=restart
-    )
+    state, cost = fit_deviations(solved, state, motion, cameras, spread, options, restart=restart)
     costs, status = [*common.costs, cost], f"shared motion {common.status}"
-    return JointMotion(
-        state, cameras, motion.uncached(), common.spread, costs, status, fit, scene.swapped
+    motion = motion.uncached()
+    return JointMotion(state, cameras, motion, spread, costs, status, fit, scene.swapped)
+
+
+def one_motion(
+    scene: Scene,
+    state: MotionState,
+    cameras: Cameras,
+    options: MotionParams,
+    progress: Progress = lambda _: None,
+    *,
+    cameras_known: bool = False,
+    restart: bool = True,
+) -> JointMotion:
+    """One motion for all videos. Arguments as of `common_then_deviations`."""
+    start = consensus_motion(scene, state, cameras, options.agreement_rad)
+    common = fit_in_stages(
+        scene, start, cameras, options, progress, cameras_known=cameras_known, restart=restart
     )
-
-
-def shared_shapes(state: MotionState, performers: Sequence[int]) -> MotionState:
-    """The mean shape of a performer's videos for every one of them."""
-    return replace(state, betas=mean_shapes(state, performers)[list(performers)])
+    motion, cameras = common.motion, common.cameras
+    fit = misfit(scene, motion, cameras)
+    state = follow_common(scene.with_intrinsics(cameras), state, motion, cameras, options)
+    costs, status = common.costs, f"one motion for all: {common.status}"
+    motion = motion.uncached()
+    return JointMotion(state, cameras, motion, common.spread, costs, status, fit, scene.swapped)
 
 
 def _single_video(scene: Scene, start: MotionState) -> JointMotion:
