@@ -314,13 +314,16 @@ def lost_frames(
 
 
 def _turned_over(trunk: Float[np.ndarray, "F 3 2"], jumps: Sequence[int]) -> Bool[np.ndarray, " F"]:
-    """Which of F frames show the body the other way up than most do, by the jumps in between."""
+    """Which of F frames show the body the other way up than most do: those after an odd number of
+    jumps between ways up, as far as the trunk does point the other way."""
     way = trunk[:, -1] / np.maximum(np.linalg.norm(trunk[:, -1], axis=-1, keepdims=True), 1e-9)
     turns = np.zeros(len(trunk), dtype=int)
     for last in jumps:
         turns[last + 1] = way[last] @ way[last + 1] < TURNED_OVER
     is_other = np.cumsum(turns) % 2 == 1
-    return is_other if 2 * is_other.sum() <= len(is_other) else ~is_other
+    if 2 * is_other.sum() > len(is_other):
+        is_other = ~is_other
+    return is_other & (way @ way[~is_other].mean(axis=0) < 0)
 
 
 def _jumps(

@@ -277,6 +277,14 @@ def test_frames_in_which_somebody_is_upside_down_of_a_sudden_are_lost_however_ma
     np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), over)
 
 
+def test_who_is_upright_again_after_one_jump_back_is_not_lost():
+    """The detector turned the body over little by little, and back at once."""
+    over = np.clip(np.arange(90) - 36, 0, 12) * 14.0 * (np.arange(90) < 52)
+    lost = tracking.lost_frames(tilted(5.0 + over), TALL_PX, TRUNK, FPS)
+    assert not lost[:40].any()
+    assert not lost[52:].any()
+
+
 def test_who_stays_away_a_somersault_and_one_wrong_hip_are_no_lost_frames():
     lies_down = tilted(np.where(np.arange(90) < 40, 0.0, 90.0))
     somersault = tilted(np.clip(np.arange(90) - 40, 0, 12) * 30.0)
