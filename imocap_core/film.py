@@ -225,7 +225,7 @@ def synced_videos(
     shape = tile_shape(shown)
     videos = []
     for video in shown:
-        matches = next(m for m in sync.maps if m.id == video.id)
+        matches = sync.map_of(video.id)
         index, matched = retimed(positions_on_axis(sync, video.id, fps), moments, fps)
         videos.append(
             SyncedVideo(

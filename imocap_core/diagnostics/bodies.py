@@ -31,7 +31,13 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.camera.gravity import lowest_heights_m, sole_heights_m
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import EVAL_INDICES, LIMB_BONES, SIDES, SMPL_JOINTS
-from imocap_core.diagnostics.contradictions import forbidden_advice, limbs_px, person_size
+from imocap_core.diagnostics.contradictions import (
+    forbidden_advice,
+    frames_of,
+    limbs_px,
+    person_size,
+    stretches,
+)
 from imocap_core.diagnostics.detection_findings import lost_cameras
 from imocap_core.diagnostics.findings import Finding
 from imocap_core.motion.state import mirrored_joints
@@ -76,7 +82,7 @@ def outlying_bodies(bodies: Mapping[str, PlacedBody]) -> dict[str, list[Outlying
         far = np.nan_to_num(distance) > limit
         spans[video] = [
             Outlying(a, b, float(np.nanmean(distance[a : b + 1])))
-            for a, b in runs(far, max(2, round(LEAST_S * fps)), round(GAP_S * fps))
+            for a, b in stretches(far, fps, LEAST_S, GAP_S)
         ]
     return spans
 
@@ -257,7 +263,7 @@ def body_findings(
     motion: SmplBa, sync: SyncSummary, videos: Mapping[str, VideoKeypoints]
 ) -> list[Finding]:
     """Spans in which a body is far from those of all other videos at that moment."""
-    phases = {} if sync.trust is None else {v.id: v.phase_s for v in sync.trust.videos}
+    phases = sync.phases
     cameras = {camera.id: camera for camera in motion.cameras}
     bodies = {
         v.id: PlacedBody(
@@ -295,18 +301,13 @@ def picture_findings(
         video = videos[motion.id]
         off = motion.reprojection_px / person_size(limbs_px(video))
         apart = np.nan_to_num(off) > UNFIT
-        for span in runs(apart, max(2, round(UNFIT_S * video.fps)), round(0.1 * video.fps)):
+        for span in stretches(apart, video.fps, UNFIT_S, GAP_S):
             first, last = frames_of(video, *span)
             mean = float(np.nanmean(off[span[0] : span[1] + 1]))
             text = f"the body is {mean:.0%} of the person's size away from the detections"
             brief = "the body does not fit the picture"
             findings.append(Finding("body", video.id, text, brief, "", first, last))
     return findings
-
-
-def frames_of(video: VideoKeypoints, first: int, last: int) -> tuple[int, int]:
-    """Source frames of two indices."""
-    return int(video.frames[first]), int(video.frames[last])
 
 
 def placed_joints(
@@ -345,8 +346,7 @@ def feet_findings(
                         f"to {span.speed_m_s:.1f} m/s in space",
                         "feet wrong in depth",
                         "",
-                        int(video.frames[span.first]),
-                        int(video.frames[span.last]),
+                        *frames_of(video, span.first, span.last),
                     )
                 )
     return findings
@@ -438,7 +438,6 @@ def speed_findings(
             fastest = speed[:, columns].max(axis=1, initial=0.0)
             for first, last in runs(np.nan_to_num(fastest) > most, 1, 2 * step):
                 top = float(fastest[first : last + 1].max())
-                frames = motion.frames[first], motion.frames[last + step]
                 findings.append(
                     Finding(
                         "body",
@@ -446,8 +445,8 @@ def speed_findings(
                         f"a {joint} moves at {top:.0f} m/s, faster than people do",
                         "moves faster than people do",
                         "",
-                        int(frames[0]),
-                        int(frames[1]),
+                        int(motion.frames[first]),
+                        int(motion.frames[last + step]),
                     )
                 )
     return findings

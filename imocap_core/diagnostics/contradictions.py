@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.artifacts.schemas import PredictedVideo, SmplBa, VideoCameraMotion, VideoKeypoints
 from imocap_core.body.layouts import layout_names
@@ -43,6 +43,19 @@ def person_size(xy: Float[np.ndarray, "T K 2"]) -> float:
         complete = present
     span = np.nanmax(xy[complete], axis=1) - np.nanmin(xy[complete], axis=1)
     return float(np.quantile(np.hypot(*span.T), 0.9))
+
+
+def stretches(
+    flags: Bool[np.ndarray, " T"], fps: float, least_s: float, gap_s: float = 0.0
+) -> list[tuple[int, int]]:
+    """First and last index of each stretch of at least so long, and two frames; those that at most
+    `gap_s` separate are one."""
+    return runs(flags, max(2, round(least_s * fps)), round(gap_s * fps))
+
+
+def frames_of(video: VideoKeypoints, first: int, last: int) -> tuple[int, int]:
+    """Source frames of two indices."""
+    return int(video.frames[first]), int(video.frames[last])
 
 
 def anchor_advice(video: str, reference: str) -> str:
@@ -102,13 +115,10 @@ def contradicted_findings(
                 f"{name} detected elsewhere",
                 "look at it in `imocap view`; keypoints that are wrong count for nothing at "
                 "confidence 0",
-                int(video.frames[first]),
-                int(video.frames[last]),
+                *frames_of(video, first, last),
             )
             for k, name in enumerate(_names())
-            for first, last in runs(
-                away[:, k] > AWAY, max(2, round(LEAST_S * video.fps)), round(GAP_S * video.fps)
-            )
+            for first, last in stretches(away[:, k] > AWAY, video.fps, LEAST_S, GAP_S)
         ]
     return findings
 
@@ -140,12 +150,9 @@ def behind_findings(motion: SmplBa, videos: Mapping[str, VideoKeypoints]) -> lis
                     "hidden",
                     f"{side} arm wrong in depth",
                     "",
-                    int(video.frames[first]),
-                    int(video.frames[last]),
+                    *frames_of(video, first, last),
                 )
-                for first, last in runs(
-                    hidden, max(2, round(LEAST_HIDDEN_S * video.fps)), round(GAP_S * video.fps)
-                )
+                for first, last in stretches(hidden, video.fps, LEAST_HIDDEN_S, GAP_S)
             ]
     return findings
 

@@ -17,8 +17,8 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.body.layouts import layout_names
+from imocap_core.diagnostics.contradictions import frames_of, stretches
 from imocap_core.diagnostics.findings import Finding, frames_text, listed
-from imocap_core.sequences import runs
 
 MISSING_S = 0.5
 SWAPPED_SHARE = 0.2  # of the frames: more says that the detector takes backs for fronts
@@ -90,10 +90,9 @@ def _missing(video: VideoKeypoints) -> list[Finding]:
             f"nobody is detected for {(b - a + 1) / video.fps:.1f} s; the motion there is a guess",
             "nobody detected",
             "",
-            int(video.frames[a]),
-            int(video.frames[b]),
+            *frames_of(video, a, b),
         )
-        for a, b in runs(nobody, max(2, round(MISSING_S * video.fps)))
+        for a, b in stretches(nobody, video.fps, MISSING_S)
     ]
 
 
@@ -221,17 +220,16 @@ def hidden_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -> 
     """Limbs that no video shows for a while, at the moments of the reference."""
     reference = videos[sync.reference]
     hidden = hidden_limbs(sync, videos)
-    least, gap = max(2, round(HIDDEN_S * reference.fps)), round(0.1 * reference.fps)
     spans: dict[tuple[int, int], list[str]] = {}
     for name, flags in zip(LIMB_ENDS, hidden.T, strict=True):
-        for span in runs(flags, least, gap):
+        for span in stretches(flags, reference.fps, HIDDEN_S, 0.1):
             alike = next((s for s in spans if _common(s, span) > 0.7), span)
             spans.setdefault(alike, []).append(name)
     return [_hidden(names, span, reference) for span, names in spans.items()]
 
 
 def _hidden(names: list[str], span: tuple[int, int], reference: VideoKeypoints) -> Finding:
-    first, last = (int(reference.frames[i]) for i in span)
+    first, last = frames_of(reference, *span)
     whole = span[1] - span[0] + 1 >= WHOLE * len(reference.frames)
     when = "" if whole else f" in {reference.id} {frames_text(first, last)}"
     them = "it" if len(names) == 1 else "them"

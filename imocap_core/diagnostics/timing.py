@@ -21,8 +21,10 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.diagnostics.contradictions import (
     anchor_advice,
     forbidden_advice,
+    frames_of,
     limbs_px,
     person_size,
+    stretches,
 )
 from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, listed
 from imocap_core.motion.event_clock import clock_of
@@ -100,11 +102,10 @@ def timing_findings(
 ) -> list[Finding]:
     """Videos whose timing is contradicted, hardly matched, or uncertain for a while."""
     by_id = {video.id: video for video in videos}
-    trusts = {} if sync.trust is None else {v.id: v for v in sync.trust.videos}
     findings = []
     for sync_map in maps_of_others(sync):
         is_predicted = sync_map.id in predicted
-        trust = None if is_predicted else trusts.get(sync_map.id)
+        trust = None if is_predicted else sync.trusts.get(sync_map.id)
         whole = _of_video(sync_map, trust, sync.reference)
         spans = _of_spans(sync_map, by_id[sync_map.id])
         findings += whole or [f for f in spans if not (is_predicted and f.serious)]
@@ -138,13 +139,12 @@ def _of_video(sync_map: SyncMap, trust: VideoTrust | None, reference: str) -> li
 
 def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
     """Spans without a counterpart, and spans of low confidence."""
-    least, gap = max(2, round(LEAST_S * video.fps)), round(0.1 * video.fps)
     matched = np.isfinite(sync_map.reference_frame)
     # frames of one picture share the confidence of one observation
     confidence = sync_map.confidence * distinct_pictures(video).times_shown
     uncertain = matched & (confidence < UNCERTAIN)
     findings = []
-    for a, b in runs(~matched, least):
+    for a, b in stretches(~matched, video.fps, LEAST_S):
         findings.append(
             Finding(
                 "remark",
@@ -152,11 +152,10 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
                 "no counterpart in another video; this part rests on this video alone",
                 "no counterpart",
                 "",
-                int(video.frames[a]),
-                int(video.frames[b]),
+                *frames_of(video, a, b),
             )
         )
-    for a, b in runs(uncertain, least, gap):
+    for a, b in stretches(uncertain, video.fps, LEAST_S, 0.1):
         mean = float(confidence[a : b + 1].mean())
         findings.append(
             Finding(
@@ -165,8 +164,7 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
                 f"the timing is uncertain (confidence {mean:.2f} on average)",
                 "timing uncertain",
                 "",
-                int(video.frames[a]),
-                int(video.frames[b]),
+                *frames_of(video, a, b),
             )
         )
     return findings
@@ -254,7 +252,7 @@ def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -
 
 
 def _finding(video: VideoKeypoints, other: VideoKeypoints, span: Collapse) -> Finding:
-    first, last = int(video.frames[span.first]), int(video.frames[span.last])
+    first, last = frames_of(video, span.first, span.last)
     return Finding(
         "time",
         video.id,
@@ -285,7 +283,7 @@ NEARLY = 1.4
 
 def repeating_videos(sync: SyncSummary) -> list[VideoTrust]:
     """Those whose maps fit nearly as well when shifted by a repetition."""
-    videos = [] if sync.trust is None else sync.trust.videos
+    videos = sync.trusts.values()
     return [v for v in videos if v.repetition_ratio < NEARLY and v.id not in sync.excluded]
 
 
@@ -359,20 +357,15 @@ def _mirrored(sync: SyncSummary, video: str) -> Finding:
 
 
 def _score(sync: SyncSummary, video: str) -> str:
-    value = _trust(sync, video, "outlier_score")
+    value = sync.trusts[video].outlier_score if video in sync.trusts else np.nan
     return f" (score {value:.2f}; usual videos stay below 0.9)" if np.isfinite(value) else ""
 
 
 def _margin(sync: SyncSummary, video: str) -> str:
-    value = _trust(sync, video, "mirror_margin")
+    value = sync.trusts[video].mirror_margin if video in sync.trusts else np.nan
     if not np.isfinite(value):
         return ""
     return f", because it fits the others {100 * (np.exp(value) - 1):.0f} % better so"
-
-
-def _trust(sync: SyncSummary, video: str, name: str) -> float:
-    videos = [] if sync.trust is None else sync.trust.videos
-    return next((float(getattr(v, name)) for v in videos if v.id == video), float("nan"))
 
 
 ONE_OFFSET_S = 0.04  # of nine tenths of a video's matches from one offset

@@ -107,14 +107,13 @@ def write_sync(folder: Path, sync: Synchronisation) -> Path:
     place on the common time axis in seconds of the reference."""
     file, summary = folder / "sync.csv", sync.summary
     reference = sync.videos[summary.reference].frames
-    phases = {} if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos}
     rows = []
     for match in summary.maps:
         if match.id == summary.reference:
             continue
         index = match.reference_frame
         matched = np.interp(index, np.arange(len(reference), dtype=np.float64), reference)
-        phase = np.full(len(index), np.nan) if summary.trust is None else phases[match.id]
+        phase = summary.phases.get(match.id, np.full(len(index), np.nan))
         frames = sync.videos[match.id].frames
         for row in zip(frames, matched, match.confidence, phase, strict=True):
             number = float(row[0])

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from scipy.special import erfinv
 
 from imocap_core.adapters.sync_maps import affinity_between, maps_of
-from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncSummary
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary
 from imocap_core.figures.style import (
     ACCENT,
     INK,
@@ -95,7 +95,7 @@ def draw_affinity(ax: Axes, block: Float[np.ndarray, "rows columns"]) -> None:
 
 
 def _path(ax: Axes, sync: SyncSummary, video: str, true: Positions | None) -> None:
-    matched = map_of(sync, video).reference_frame
+    matched = sync.map_of(video).reference_frame
     frames = np.arange(len(matched))
     ax.plot(frames, matched, color="white", lw=2.6, alpha=0.8, solid_capstyle="round")
     ax.plot(frames, matched, color=ACCENT, lw=1.3, solid_capstyle="round")
@@ -124,9 +124,9 @@ def warp_figure(
             color = color_of(after.ids, video)
             for sync, width, alpha in ((before, 0.8, 0.45), (after, 1.3, 1.0)):
                 if sync.reference == after.reference:
-                    off = map_of(sync, video).reference_frame - true_positions[video]
+                    off = sync.map_of(video).reference_frame - true_positions[video]
                     panels[1].plot(off, color=color, lw=width, alpha=alpha)
-        confidence = map_of(after, video).confidence
+        confidence = after.map_of(video).confidence
         panels[-1].plot(confidence, color=color_of(after.ids, video), lw=1.1)
     panels[0].set_ylabel(f"frame of {after.reference}")
     panels[0].legend(loc="lower right", ncols=max(1, len(others) // 4))
@@ -150,7 +150,7 @@ def warp_figure(
 
 
 def _warp(ax: Axes, sync: SyncSummary, video: str, true: Positions | None) -> None:
-    sync_map = map_of(sync, video)
+    sync_map = sync.map_of(video)
     color = color_of(sync.ids, video)
     frames = np.arange(len(sync_map.reference_frame))
     points = np.column_stack([frames, sync_map.reference_frame])
@@ -168,11 +168,6 @@ def _warp(ax: Axes, sync: SyncSummary, video: str, true: Positions | None) -> No
     ax.autoscale_view()
     if true is not None:
         ax.plot(np.arange(len(true)), true, color=INK, lw=0.9, ls=(0, (1, 2.2)))
-
-
-def map_of(sync: SyncSummary, video: str) -> SyncMap:
-    """A video's map into the reference."""
-    return next(m for m in sync.maps if m.id == video)
 
 
 def rounds_figure(
@@ -253,7 +248,7 @@ def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
     for row in sync_rows(keypoints, sync):
         if row.video == sync.reference:
             continue
-        sync_map = map_of(sync, row.video)
+        sync_map = sync.map_of(row.video)
         color = color_of(sync.ids, row.video)
         here = np.arange(len(videos[row.video].frames)) / videos[row.video].fps
         there = seconds_at(sync_map.reference_frame, reference_s)

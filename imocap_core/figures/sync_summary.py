@@ -80,8 +80,8 @@ def positions_on_axis(sync: SyncSummary, video: str, fps: float) -> Float[np.nda
     """Positions of a video's used frames on the common time axis, in frames of the reference, whose
     rate is `fps`; NaN where unknown."""
     if sync.trust is not None:
-        return next(v.phase_s for v in sync.trust.videos if v.id == video) * fps
-    return next(m.reference_frame for m in sync.maps if m.id == video)
+        return sync.phases[video] * fps
+    return sync.map_of(video).reference_frame
 
 
 def retimed(
@@ -109,7 +109,7 @@ def retimed(
 
 def title_of(sync: SyncSummary, video: str) -> str:
     """A video's id, with its role or treatment: reference, excluded, unmatched, mirrored."""
-    reference_frame = next(m for m in sync.maps if m.id == video).reference_frame
+    reference_frame = sync.map_of(video).reference_frame
     if video == sync.reference:
         return f"{video} (reference)"
     if video in sync.excluded:

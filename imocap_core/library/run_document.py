@@ -82,7 +82,6 @@ def run_document(done: Run) -> dict[str, Any]:
 
 def _sync_document(keypoints: Keypoints, sync: SyncSummary) -> dict[str, Any]:
     """The correspondences: what holds for all videos, and a row for each."""
-    trusts = {} if sync.trust is None else {v.id: v for v in sync.trust.videos}
     frames = {video.id: video for video in keypoints.videos}
     return {
         "reference": sync.reference,
@@ -92,7 +91,7 @@ def _sync_document(keypoints: Keypoints, sync: SyncSummary) -> dict[str, Any]:
         "videos": [
             asdict(row)
             | {"frames": len(frames[row.video].frames), "fps": frames[row.video].fps}
-            | _treatment(row, sync, trusts.get(row.video))
+            | _treatment(row, sync, sync.trusts.get(row.video))
             for row in sync_rows(keypoints, sync)
         ],
     }

@@ -244,7 +244,6 @@ def synchronisation_of(
     summary: SyncSummary, frames: Mapping[str, Real[np.ndarray, " _"]], fps: Mapping[str, float]
 ) -> Synchronisation:
     """From the artifact; frames: per video, the source frame numbers of its used frames."""
-    phases = {} if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos}
     videos = {
         m.id: VideoSync(
             id=m.id,
@@ -252,7 +251,7 @@ def synchronisation_of(
             frames=frames[m.id],
             reference_frame=m.reference_frame,
             confidence=np.where(np.isfinite(m.reference_frame), np.nan_to_num(m.confidence), 0.0),
-            phase_s=phases.get(m.id, np.full(len(m.reference_frame), np.nan)),
+            phase_s=summary.phases.get(m.id, np.full(len(m.reference_frame), np.nan)),
         )
         for m in summary.maps
     }

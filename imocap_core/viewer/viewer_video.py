@@ -136,7 +136,7 @@ _PIXEL_RANGE = 16000  # of 16-bit numbers for the longer side of a picture: two 
 def identity_entry(block: Block, keypoints: Keypoints, i: int, sync: SyncSummary) -> dict[str, Any]:
     """Name, role and colour of video i, and its place on the common axis."""
     video = keypoints.videos[i]
-    matches = next(m for m in sync.maps if m.id == video.id)
+    matches = sync.map_of(video.id)
     excluded = video.id in sync.excluded
     roles = [("reference", video.id == sync.reference), ("another action", excluded)]
     roles.append(("mirrored", video.id in sync.mirrored))
@@ -163,11 +163,8 @@ def phase_of(sync: SyncSummary, keypoints: Keypoints, i: int) -> Float[np.ndarra
     """
     video = keypoints.videos[i]
     clock_s = np.arange(len(video.frames)) / video.fps
-    if sync.trust is not None:
-        phase = next(v for v in sync.trust.videos if v.id == video.id).phase_s
-    else:
-        fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-        phase = next(m for m in sync.maps if m.id == video.id).reference_frame / fps
+    fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
+    phase = sync.phases.get(video.id, sync.map_of(video.id).reference_frame / fps)
     placed = np.flatnonzero(np.isfinite(phase))
     if not len(placed):
         return clock_s
@@ -187,10 +184,7 @@ def timeline_entry(keypoints: Keypoints, sync: SyncSummary) -> dict[str, float]:
     phases = [phase_of(sync, keypoints, i).astype(np.float32) for i in used]
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
     first, last = min(float(p[0]) for p in phases), max(float(p[-1]) for p in phases)
-    matched = [
-        np.isfinite(next(m for m in sync.maps if m.id == keypoints.videos[i].id).reference_frame)
-        for i in used
-    ]
+    matched = [np.isfinite(sync.map_of(keypoints.videos[i].id).reference_frame) for i in used]
     shared = first_shared([p[m] for p, m in zip(phases, matched, strict=True) if m.any()], first)
     return {"first": first, "last": last, "step": 1 / fps, "shared": shared}
 

@@ -86,6 +86,20 @@ class SyncSummary(Value):
         """The videos that take part."""
         return [i for i in self.ids if i not in self.excluded]
 
+    @property
+    def trusts(self) -> dict[str, VideoTrust]:
+        """Each video's place on the common time axis and its evidence; none where unknown."""
+        return {} if self.trust is None else {v.id: v for v in self.trust.videos}
+
+    @property
+    def phases(self) -> dict[str, Floats]:
+        """Each video's place on the common time axis, seconds of the reference; none likewise."""
+        return {video: trust.phase_s for video, trust in self.trusts.items()}
+
+    def map_of(self, video: str) -> SyncMap:
+        """A video's map into the reference."""
+        return next(m for m in self.maps if m.id == video)
+
     @model_validator(mode="after")
     def _belongs_together(self) -> SyncSummary:
         unique(self.ids)
@@ -103,7 +117,7 @@ class SyncSummary(Value):
             raise ValueError(
                 f"excluded: expected videos beside the reference, got {self.reference!r}"
             )
-        phases = [] if self.trust is None else [len(v.phase_s) for v in self.trust.videos]
+        phases = [len(phase_s) for phase_s in self.phases.values()]
         if self.trust is not None and phases != self.lengths:
             raise ValueError(f"trust: expected phases of lengths {self.lengths}, got {phases}")
         return self
