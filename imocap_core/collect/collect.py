@@ -74,7 +74,7 @@ def collect_films(
         occurrences,
         [people.tracks[m.track] for m in matches],
         [film.path for film in films],
-        mirror_indices(layout_names(films[0].people.layout)),
+        mirror_indices(layout_names(films[0].layout)),
     )
     names = listing.occurrence_names(
         occurrences, labels([VideoSource(file, None) for file in files])

@@ -17,6 +17,7 @@ from imocap_core.io.readers.keypoint_readers import read_detections
 from imocap_core.io.video import VideoInfo, probe, read_gray
 from imocap_core.lifter.infer import lift
 from imocap_core.lifter.lifter_network import load_lifter, to_common
+from imocap_core.params import KeypointsParams
 from imocap_core.people.performer import ranked_tracks
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.runner import Display
@@ -53,39 +54,41 @@ class ShotTrack:
 
 
 @dataclass(frozen=True)
-class FilmPeople:
-    """Everybody detected in every frame of a film (K points of `layout`: x, y, confidence)."""
+class LongFilm:
+    """A film's file and shots, and everybody detected in every frame (K points of `layout`: x, y,
+    confidence)."""
 
+    path: Path
+    info: VideoInfo
+    shots: list[Shot]
     people: Sequence[Float[np.ndarray, "_ K 3"]]
-    size: tuple[int, int]
-    fps: float
     layout: str
 
 
 def shot_tracks(
-    film: int, people: FilmPeople, shots: Sequence[Shot], min_confidence: float, max_gap_s: float
+    number: int, film: LongFilm, shots: Sequence[Shot], params: KeypointsParams
 ) -> list[ShotTrack]:
-    """The people of a film's shots, the most prominent of each shot first."""
+    """The people of a film's shots, the most prominent of each shot first; number: the film's."""
     tracks = []
-    for number, shot in enumerate(shots):
+    for n, shot in enumerate(shots):
         if shot.still:
             continue
         ranked = ranked_tracks(
-            people.people[shot.first : shot.stop],
-            people.size,
-            people.fps,
-            min_confidence=min_confidence,
-            max_gap_s=max_gap_s,
+            film.people[shot.first : shot.stop],
+            film.info.size,
+            film.info.fps,
+            min_confidence=params.min_confidence,
+            max_gap_s=params.max_gap_s,
         )
         for rank, (score, track) in enumerate(ranked):
-            if score < LEAST_RANK * ranked[0][0] or len(track.frames) < LEAST_S * people.fps:
+            if score < LEAST_RANK * ranked[0][0] or len(track.frames) < LEAST_S * film.info.fps:
                 continue
-            tracks.append(_lifted(film, number, rank, shot.first, track, people))
+            tracks.append(_lifted(number, n, rank, shot.first, track, film))
     return tracks
 
 
 def _lifted(
-    film: int, shot: int, rank: int, first: int, track: PersonTrack, people: FilmPeople
+    number: int, shot: int, rank: int, first: int, track: PersonTrack, film: LongFilm
 ) -> ShotTrack:
     begin = track.frames[0]
     rows = np.array(track.frames) - begin
@@ -94,16 +97,16 @@ def _lifted(
     xy, confidence = poses[..., :2], np.nan_to_num(poses[..., 2])
     box = np.full((len(poses), 4), np.nan)
     box[rows] = [box_of(pose) for pose in track.poses]
-    focal_px = float(max(people.size))
-    rays = (xy - 0.5 * np.array(people.size)) / focal_px
-    points, trust = to_common(rays, confidence, people.layout)
-    lifted = lift(load_lifter(), points, trust, people.fps)
+    size, fps = film.info.size, film.info.fps
+    rays = (xy - 0.5 * np.array(size)) / float(max(size))
+    points, trust = to_common(rays, confidence, film.layout)
+    lifted = lift(load_lifter(), points, trust, fps)
     return ShotTrack(
-        film,
+        number,
         shot,
         rank,
         first + begin,
-        people.fps,
+        fps,
         lifted.joints,
         lifted.sigma_m,
         lifted.visible,
@@ -114,16 +117,6 @@ def _lifted(
 
 
 COMPARED_PX = 160  # larger side of the pictures in which shots are looked for
-
-
-@dataclass(frozen=True)
-class LongFilm:
-    """A film's file, shots and people."""
-
-    path: Path
-    info: VideoInfo
-    shots: list[Shot]
-    people: FilmPeople
 
 
 def look_through(path: Path, detector: Detector, store: Store, display: Display) -> LongFilm:
@@ -146,7 +139,7 @@ def look_through(path: Path, detector: Detector, store: Store, display: Display)
     people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
     nobody = np.zeros((0, *detections.people[0].shape[1:]))
     everybody = [people_of.get(frame, nobody) for frame in range(info.frame_count)]
-    return LongFilm(path, info, shots, FilmPeople(everybody, info.size, info.fps, detector.layout))
+    return LongFilm(path, info, shots, everybody, detector.layout)
 
 
 def _counted(

@@ -160,9 +160,7 @@ def film_tracks(films: Sequence[LongFilm], params: KeypointsParams) -> FilmTrack
     tracks = [
         track
         for number, film in enumerate(films)
-        for track in shot_tracks(
-            number, film.people, film.shots, params.min_confidence, params.max_gap_s
-        )
+        for track in shot_tracks(number, film, film.shots, params)
     ]
     if not tracks:
         raise WorkFailed(

@@ -244,7 +244,7 @@ class SoughtMovement:
 
 def repeated_movement(films: Sequence[LongFilm], people: FilmTracks) -> SoughtMovement:
     """The movement that is repeated most in the films. WorkFailed where none is."""
-    twins = mirror_indices(layout_names(films[0].people.layout))
+    twins = mirror_indices(layout_names(films[0].layout))
 
     @cache
     def same_take(a: int, b: int) -> bool:
@@ -275,7 +275,7 @@ def example_movement(
     """The movement of the most prominent person in the example, which is of `film`."""
     first, stop = _frames(example, film)
     shot = _shot(example, film, first, stop)
-    tracks = shot_tracks(0, film.people, [shot], params.min_confidence, params.max_gap_s)
+    tracks = shot_tracks(0, film, [shot], params)
     track = next((t for t in tracks if t.first <= first and stop <= t.stop), None)
     if track is None:
         raise WorkFailed(

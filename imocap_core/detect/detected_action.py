@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING
 
 from imocap_core.adapters.tracked_people import LEAST_VIDEOS
 from imocap_core.artifacts.store import Store
-from imocap_core.detect.detection import (
-    Undetected,
-    detect_video,
-    detect_videos,
-    detections_file,
-    set_up,
-)
+from imocap_core.detect.detection import detect_video, detect_videos, detections_file, set_up
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.errors import WorkFailed
 from imocap_core.io.frame_access import check_video, decode_whole
@@ -61,13 +55,13 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         return
     display.started("detect", [f"{v.id} has no detections of {detector.version}" for v in waiting])
     python = set_up(detector, display.notice)
-    undetected: dict[Path, Undetected] = {}  # by file: one video may have several names
+    undetected: dict[Path, Path] = {}  # by file: one video may have several names
     for declared in waiting:
         file = _file(action, declared, detector, store)
         assert file is not None
         assert declared.video is not None
-        undetected[file] = Undetected(path_of(action.folder, declared.video), file)
-    broken = detect_videos([*undetected.values()], detector, python, display.progress)
+        undetected[file] = path_of(action.folder, declared.video)
+    broken = detect_videos(undetected, detector, python, display.progress)
     _require_enough(action, [*unreadable, *(f"{action.file}: {error}" for error in broken)])
 
 

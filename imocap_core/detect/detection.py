@@ -11,7 +11,7 @@ import struct
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
@@ -286,16 +286,8 @@ def detect_video(
 MOST_AT_ONCE = 8  # processes of 200 MB, and as much again for the last pictures of each
 
 
-@dataclass(frozen=True)
-class Undetected:
-    """A video, and the file that its detections go into."""
-
-    video: Path
-    file: Path
-
-
 def detect_videos(
-    videos: Sequence[Undetected], detector: Detector, python: Path, progress: Progress
+    videos: Mapping[Path, Path], detector: Detector, python: Path, progress: Progress
 ) -> list[ValueError]:
     """Detect people in all of the videos; why some cannot be decoded to their end.
 
@@ -303,32 +295,30 @@ def detect_videos(
     Ctrl-C ends all.
 
     Args:
+        videos: by the files that their detections go into.
         progress: called with the share of all the work, and a sentence about one video.
     """
     at_once = min(len(videos), cores(), MOST_AT_ONCE)
     threads = cores() // at_once if at_once > 1 else None
-    shares, lock, workers = [0.0] * len(videos), Lock(), WorkerGroup()
+    shares, lock, workers = dict.fromkeys(videos, 0.0), Lock(), WorkerGroup()
 
-    def detect(row: int) -> ImocapError | ValueError | None:
+    def detect(file: Path) -> ImocapError | ValueError | None:
         def one_progress(share: float, what: str) -> None:
             with lock:
-                shares[row] = share
-                progress(sum(shares) / len(shares), what)
+                shares[file] = share
+                progress(sum(shares.values()) / len(shares), what)
 
-        one = videos[row]
         try:
             detect_video(
-                one.video, one.file, detector, python, one_progress,
+                videos[file], file, detector, python, one_progress,
                 threads=threads, started=workers.add,
             )  # fmt: skip
         except (ImocapError, ValueError) as error:
             return error
         return None
 
-    if at_once == 1:
-        faults = [detect(row) for row in range(len(videos))]
-    else:
-        faults = workers.results(detect, range(len(videos)), at_once)
+    alone = at_once == 1
+    faults = [*map(detect, videos)] if alone else workers.results(detect, videos, at_once)
     for fault in faults:
         if isinstance(fault, ImocapError):
             raise fault

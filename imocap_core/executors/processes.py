@@ -22,7 +22,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any
 
 from imocap_core.errors import WorkFailed, system_fault
@@ -40,22 +39,15 @@ END_S = 10.0
 Process = subprocess.Popen[bytes]
 
 
-@dataclass(frozen=True)
-class WorkerSettings:
-    """How worker processes are started.
+class Processes:
+    """An executor with a number of worker processes; made by `worker_processes`.
 
-    cores: that one may use. fresh: each task gets one of its own.
+    fresh: each task gets one of its own.
     """
 
-    cores: int
-    fresh: bool
-
-
-class Processes:
-    """An executor with a number of worker processes; made by `worker_processes`."""
-
-    def __init__(self, workers: int, settings: WorkerSettings) -> None:
-        self._workers, self._busy, self._settings = workers, 0, settings
+    def __init__(self, workers: int, fresh: bool) -> None:
+        self._workers, self._busy, self._fresh = workers, 0, fresh
+        self._share = str(max(1, cores() // workers))  # cores that one may use
         self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._alive: dict[str, Process] = {}
@@ -103,7 +95,7 @@ class Processes:
                 continue
             self._events.put(Begun(task, name))
             ended = self._carry_out(task, worker)
-            if ended is None or self._settings.fresh:
+            if ended is None or self._fresh:
                 _leave(worker)
                 del self._alive[name]
                 ended = ended or Ended(task, 0.0, None, _cause(worker.wait()), lost=True)
@@ -113,9 +105,8 @@ class Processes:
             _leave(worker)
 
     def _start(self, name: str) -> Process:
-        settings = self._settings
         process = subprocess.Popen(
-            python_command(PROGRAM, str(settings.cores)),
+            python_command(PROGRAM, self._share),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | dict.fromkeys(THREADS, "1"),
@@ -145,7 +136,7 @@ def worker_processes(workers: int, *, fresh: bool = False) -> Iterator[Processes
     Args:
         fresh: every task gets a process of its own.
     """
-    executor = Processes(workers, WorkerSettings(max(1, cores() // workers), fresh))
+    executor = Processes(workers, fresh)
     try:
         yield executor
     finally:

@@ -11,7 +11,6 @@ import json
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -77,18 +76,15 @@ def run_in_blender(program: Path, script: Path, *words: str) -> None:
 FORMATS = ("fbx", "usd")
 
 
-@dataclass(frozen=True)
-class Target:
-    """A kind of file that Blender writes. ending: fbx or usd. up: y, or of USD z."""
-
-    ending: str
-    up: str = "y"
-
-
 def write_characters(
-    program: Path, folder: Path, actors: Sequence[Actor], target: Target, notes: Mapping[str, Any]
+    program: Path,
+    folder: Path,
+    actors: Sequence[Actor],
+    ending: str,
+    notes: Mapping[str, Any],
+    up: str = "y",
 ) -> list[Path]:
-    """Write `<id>.<ending>` of every actor; WorkFailed when Blender fails.
+    """Write `<id>.<ending>` of every actor, fbx or usd; WorkFailed when Blender fails.
 
     FBX is in centimetres, the unit of the programs that read it, without any node scaled by 100;
     USD is in metres. Both are y up, USD z up where asked. The actors are in a world with y up.
@@ -99,9 +95,9 @@ def write_characters(
             name = actor.clip.id
             glb = Path(scratch) / f"{name}.glb"
             write_glb(glb, [actor], notes)
-            out = folder / f"{name}.{target.ending}"
+            out = folder / f"{name}.{ending}"
             job = {"glb": str(glb), "out": str(out), "name": name, "fps": actor.clip.fps}
-            jobs.append({**job, "cm": target.ending == "fbx", "up": target.up})
+            jobs.append({**job, "cm": ending == "fbx", "up": up})
         listed = Path(scratch) / "jobs.json"
         listed.write_text(json.dumps(jobs), encoding="utf-8")
         run_in_blender(program, HERE / "blender_script.py", str(listed))

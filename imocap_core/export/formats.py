@@ -9,7 +9,7 @@ from pathlib import Path
 from imocap_core.detect.environment import Announce
 from imocap_core.errors import WrongUse
 from imocap_core.export.blender import FORMATS as OF_BLENDER
-from imocap_core.export.blender import Target, blender_program, write_characters
+from imocap_core.export.blender import blender_program, write_characters
 from imocap_core.export.clips import actors_of, as_character, clip_of, foot_lock_notes
 from imocap_core.export.export_options import LAFAN1, ExportOptions
 from imocap_core.export.laboratory import trial_of, write_opensim
@@ -171,11 +171,9 @@ def _glb(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
 def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format: str) -> list[Path]:
     """One character per file; Blender gets a world with y up, as GLB has."""
     program = blender_program(lambda step: None)
-    target = Target(format, result.up_axis)
+    actors = actors_of(derived.turned_y_up(result), options)
     notes = notes_of(result, format)
-    return write_characters(
-        program, out, actors_of(derived.turned_y_up(result), options), target, notes
-    )
+    return write_characters(program, out, actors, format, notes, result.up_axis)
 
 
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {

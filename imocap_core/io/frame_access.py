@@ -201,18 +201,19 @@ class FrameReader:
 Item = TypeVar("Item")
 
 
-def prefetch(items: Iterable[Item], depth: int = 4) -> Generator[Item]:
-    """The same items in the same order, computed in a thread, at most `depth` of them waiting.
+AHEAD = 4  # items of `prefetch` that wait
+
+
+def prefetch(items: Iterable[Item]) -> Generator[Item]:
+    """The same items in the same order, computed in a thread, at most `AHEAD` of them waiting.
 
     An error in computing an item is raised here, after the items before it. When the generator is
-    closed, the thread ends before its next item. ValueError unless `depth` is at least 1.
+    closed, the thread ends before its next item.
     """
-    if depth < 1:
-        raise ValueError(f"depth: expected at least 1, got {depth}")
     source, end = iter(items), object()
     pool = ThreadPoolExecutor(1)
     try:
-        waiting = deque(pool.submit(next, source, end) for _ in range(depth))
+        waiting = deque(pool.submit(next, source, end) for _ in range(AHEAD))
         while (item := waiting.popleft().result()) is not end:
             waiting.append(pool.submit(next, source, end))
             yield cast("Item", item)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from imocap_core.body import Model, load_free_body
 from imocap_core.body.model import rotations_from_pose
@@ -55,11 +55,6 @@ def posed_surface(
         posed = shaped.pose(R_local, torch.as_tensor(trans[part]))
         vertices[part] = posed.mesh().vertices.numpy()
     return vertices
-
-
-def faces_of(model: Model) -> Int[np.ndarray, "F 3"]:
-    """Triangles of the surface, by vertex."""
-    return model.faces.numpy()
 
 
 def local_rotations(poses: Float[np.ndarray, "T P"]) -> Float[np.ndarray, "T J 3 3"]:

@@ -413,9 +413,9 @@ class VideoResult:
     @cached_property
     def faces(self) -> Int[np.ndarray, "F 3"]:
         """(F, 3) triangles of the surface, by vertex."""
-        from imocap_core.result.body import body_model, faces_of
+        from imocap_core.result.body import body_model
 
-        return faces_of(body_model(self.model, self.action, hands=self.hands is not None))
+        return body_model(self.model, self.action, hands=self.hands is not None).faces.numpy()
 
     def picture(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
         """(H, W, 3) RGB picture of one used frame, by its position among them.

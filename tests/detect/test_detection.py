@@ -16,7 +16,6 @@ from imocap_core.artifacts.store import Store
 from imocap_core.body.layouts import layout_names
 from imocap_core.detect import detection
 from imocap_core.detect.detection import (
-    Undetected,
     Worker,
     WorkerGroup,
     detect_video,
@@ -175,14 +174,13 @@ def detector(tmp_path: Path, detector_python: Path) -> Detector:
     return detector_of(DetectParams(detector="mediapipe"), tmp_path)
 
 
-def videos(folder: Path, nobody_in: int | None = None) -> list[Undetected]:
-    return [
-        Undetected(
-            clip(folder / f"{row}.mp4", [None if row == nobody_in else 20 + t for t in range(n)]),
-            folder / "out" / f"{row}.npz",
+def videos(folder: Path, nobody_in: int | None = None) -> dict[Path, Path]:
+    return {
+        folder / "out" / f"{row}.npz": clip(
+            folder / f"{row}.mp4", [None if row == nobody_in else 20 + t for t in range(n)]
         )
         for row, n in enumerate(LENGTHS)
-    ]
+    }
 
 
 @pytest.mark.usefixtures("many_cores")
@@ -194,8 +192,8 @@ def test_every_video_has_its_detections_and_the_share_only_grows(
     assert shares == sorted(shares)
     assert len(shares) == sum(LENGTHS)
     assert np.isclose(shares[-1], 1.0)
-    for one, frames in zip(made, LENGTHS, strict=True):
-        with np.load(one.file) as arrays:
+    for file, frames in zip(made, LENGTHS, strict=True):
+        with np.load(file) as arrays:
             assert len(arrays["frames"]) == frames
 
 
@@ -204,7 +202,7 @@ def test_the_others_are_finished_where_one_fails(tmp_path, detector, detector_py
     made = videos(tmp_path, nobody_in=1)
     with pytest.raises(WorkFailed, match=r"1\.mp4: mediapipe 0\.10\.21 found no person"):
         detect_videos(made, detector, detector_python, lambda share, what: None)
-    assert [one.file.is_file() for one in made] == [True, False, True]
+    assert [file.is_file() for file in made] == [True, False, True]
 
 
 def test_detectors_that_hang_end_with_an_interrupted_run(

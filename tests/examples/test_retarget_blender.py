@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.export.blender import Target, write_characters
+from imocap_core.export.blender import write_characters
 from imocap_core.io.writers.gltf import Actor, ClipCamera, skin_of, write_glb
 from imocap_core.io.writers.rigs import as_rig
 from tests.io.made_clips import made_clip
@@ -38,7 +38,7 @@ def test_the_rigs_arms_point_where_the_performers_do(tmp_path: Path, format: str
     file = tmp_path / "v1.glb"
     if format == "fbx":
         program = Path(str(BLENDER))
-        (file,) = write_characters(program, tmp_path, [actor("rigify")], Target("fbx"), {})
+        (file,) = write_characters(program, tmp_path, [actor("rigify")], "fbx", {})
     else:
         write_glb(file, [actor("rigify")], {})
     done = retarget(file, tmp_path / "out", "--pictures", "1", "--size", "64", "48")

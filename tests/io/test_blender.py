@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.export.blender import Target, write_characters
+from imocap_core.export.blender import write_characters
 from imocap_core.export.clips import with_root_bone
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.gltf import Actor, ClipCamera, skin_of, write_glb
@@ -53,9 +53,7 @@ def test_joints_within_a_tenth_of_a_millimetre(tmp_path: Path, format: str, up: 
 def test_what_blender_converts_is_the_same_motion(tmp_path: Path, format: str) -> None:
     made = made_clip(hands=True, fps=25.0)
     clip = with_root_bone(as_rig(made.clip, "mixamo"), "y")
-    (file,) = write_characters(
-        Path(str(BLENDER)), tmp_path, [actor(made, clip)], Target(format), {}
-    )
+    (file,) = write_characters(Path(str(BLENDER)), tmp_path, [actor(made, clip)], format, {})
     read = read_in_blender(Path(str(BLENDER)), file, 30, FRAMES.tolist(), "y")
     fps = read.pop("fps")
     assert fps == pytest.approx(25.0 if format == "fbx" else 30.0)  # of USD it stays the scene's

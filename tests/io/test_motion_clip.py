@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.io.writers.gltf import skin_of, vertex_normals
+from imocap_core.io.writers.gltf import skin_of
 from imocap_core.io.writers.motion_clip import upright_rest
 from tests.io.made_clips import made_clip
 
@@ -61,19 +61,3 @@ def test_the_free_bodys_skin_needs_no_more_than_four_joints() -> None:
     full = np.zeros(made.shaped.model.weights.shape)
     np.add.at(full, (np.arange(len(full))[:, None], skin.joints), skin.weights)
     np.testing.assert_allclose(full, made.shaped.model.weights.numpy(), atol=1e-9)
-
-
-def test_normals_point_out_of_the_body() -> None:
-    skin = skin_of(made_clip().shaped)
-    normals = vertex_normals(skin.vertices, skin.faces)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-9)
-    chest = np.argmax(skin.vertices[:, 2] - 10 * np.abs(skin.vertices[:, 1] - 0.3))
-    assert normals[chest, 2] > 0.7
-
-
-def test_normals_of_a_tetrahedron() -> None:
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [9, 9, 9]], dtype=float)
-    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    normals = vertex_normals(corners, faces)
-    np.testing.assert_allclose(normals[0], -np.ones(3) / np.sqrt(3))
-    np.testing.assert_allclose(normals[4], [0, 1, 0])  # of no face

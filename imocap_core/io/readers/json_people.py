@@ -331,11 +331,6 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
     return replace(people, frames=people.frames - 1) if from_one and path.is_file() else people
 
 
-def _read_easymocap(path: Path, layout: str) -> DetectedPeople:
-    """All people of all frames; errors as of `read_people`."""
-    return read_people(EASYMOCAP, path, layout)
-
-
 def read_ultralytics(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames; errors as of `read_people`."""
     if not path.is_dir():

@@ -133,7 +133,7 @@ def _middle(content: Any, count: int) -> Float[np.ndarray, "N 2"] | None:
     return float(focal.ravel()[0]) * xyz[:, :2] / depth + center.ravel()[:2]
 
 
-BODY = 66  # numbers of the 22 joints that SMPL-X and SMPL share
+BODY = 66  # pelvis and the 21 joints that SMPL, SMPL-H and SMPL-X share, three numbers each
 SMPLX = 165
 IN_CAMERA = "smplx_cam"
 
@@ -205,9 +205,6 @@ def _number(value: Any) -> Any:
     )
 
 
-_BODY = 66  # pelvis and the 21 joints that SMPL, SMPL-H and SMPL-X share, three numbers each
-
-
 @dataclass(frozen=True)
 class SmplEstimate:
     """SMPL parameters in a world, and the camera from that world.
@@ -240,7 +237,7 @@ def read_smpl_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> SmplEstimat
     theta = poses[rows, :72]
     if poses.shape[1] == 156:
         theta = theta.copy()
-        theta[:, _BODY:] = 0.0
+        theta[:, BODY:] = 0.0
     return SmplEstimate(
         theta,
         _betas(arrays, path),

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.body.model import Shaped
 from imocap_core.io.writers.motion_clip import MotionClip
+from imocap_core.render import vertex_normals
 
 INFLUENCES = 4  # joints per vertex, the most that every program reads
 
@@ -70,20 +71,6 @@ def skin_of(shaped: Shaped) -> Skin:
         joints=np.where(largest > 0, order, 0),
         weights=largest,
     )
-
-
-def vertex_normals(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "V 3"]:
-    """Unit normals: the mean of a vertex's face normals, weighted by area."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    of_faces = np.cross(b - a, c - a)
-    total = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(total, faces[:, k], of_faces)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    up = np.array([0.0, 1.0, 0.0])  # of a vertex without faces
-    return np.where(length > 0, total / np.maximum(length, 1e-300), up)
 
 
 MAGIC, VERSION = b"glTF", 2
