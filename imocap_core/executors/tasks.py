@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from heapq import heappop, heappush
@@ -157,9 +157,6 @@ class Serial:
         return attempt(task, lambda share, text: watch(Progressed(task, share, text)))
 
 
-_Place = tuple[int, int, Task]  # priority, place among the tasks, the task
-
-
 def perform(
     tasks: Sequence[Task],
     executor: Executor,
@@ -177,45 +174,37 @@ def perform(
             priority does.
         watch: called with what begins and with progress.
     """
-    waiting = {task.name: (task.priority, n, task) for n, task in enumerate(tasks)}
+    places = {task.name: (task.priority, n, task) for n, task in enumerate(tasks)}
     graph = TopologicalSorter({task.name: task.after for task in tasks})
     graph.prepare()
-    after: dict[str, list[str]] = defaultdict(list)
-    for task in tasks:
-        for name in task.after:
-            after[name].append(task.name)
-    ready: list[_Place] = []
+    ready: list[tuple[int, int, Task]] = []  # priority, place among the tasks, the task
     attempts: Counter[str] = Counter()
-    while waiting:
-        for name in graph.get_ready():
-            heappush(ready, waiting[name])
+    failed: dict[str, str] = {}  # by task, which one failed: this one, or one that it comes after
+    while True:
+        while names := graph.get_ready():
+            for name in names:
+                *_, task = places[name]
+                causes = [failed[other] for other in task.after if other in failed]
+                if not causes:
+                    heappush(ready, places[name])
+                    continue
+                failed[name] = causes[0]
+                graph.done(name)
+                yield TaskEnd(task, "skipped", None, f"{causes[0]} failed")
+        if not graph.is_active():
+            return
         while ready and executor.is_free():
             executor.submit(heappop(ready)[-1])
         event = executor.wait(watch)
         name = event.task.name
         attempts[name] += 1
         if event.lost and attempts[name] <= retries:
-            heappush(ready, waiting[name])
+            heappush(ready, places[name])
             continue
-        *_, task = waiting.pop(name)
-        if not event.fault:
-            graph.done(name)
-            yield TaskEnd(task, "done", event.result, "", event.seconds, attempts[name])
-            continue
-        again = f" (tried {attempts[name]} times)" if attempts[name] > 1 else ""
-        yield TaskEnd(task, "failed", None, event.fault + again, event.seconds, attempts[name])
-        for other in _stopped_by(name, after, waiting):
-            yield TaskEnd(other, "skipped", None, f"{name} failed")
-
-
-def _stopped_by(
-    failed: str, after: Mapping[str, Sequence[str]], waiting: dict[str, _Place]
-) -> list[Task]:
-    """The tasks that can never begin now, in their order; they no longer wait."""
-    stopped, names = list[_Place](), [failed]
-    while names:
-        for other in after.get(names.pop(), ()):
-            if other in waiting:
-                stopped.append(waiting.pop(other))
-                names.append(other)
-    return [task for *_, task in sorted(stopped)]
+        state: Literal["done", "failed"] = "done"
+        fault = event.fault
+        if fault:
+            state, failed[name] = "failed", name
+            fault += f" (tried {attempts[name]} times)" if attempts[name] > 1 else ""
+        graph.done(name)
+        yield TaskEnd(places[name][-1], state, event.result, fault, event.seconds, attempts[name])

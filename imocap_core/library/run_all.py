@@ -8,14 +8,14 @@ early.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from imocap_core.errors import ImocapError, WrongUse
-from imocap_core.executors.tasks import Executor, Report, Task, TaskEnd, Watch, perform
+from imocap_core.executors.tasks import Executor, Report, Serial, Task, TaskEnd, Watch, perform
 from imocap_core.library.api_errors import FunctionDisplay, Params, one_off, plain_errors
 from imocap_core.library.cleaning import keep_cache_within_limit
 from imocap_core.library.running import run_action
@@ -43,128 +43,88 @@ class StageEnd:
     summary: tuple[str, ...] = ()
 
 
-def _task_name(action: str, step: str) -> str:
-    """As it is shown: an action and one of its steps."""
-    return f"{action}: {step}"
+Sets = tuple[str, ...]
 
 
 def _tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: int) -> list[Task]:
-    """The tasks that bring an action to its report, each after the one before it.
+    """The tasks that bring an action to its report, each after those before it; a stage after its
+    parts.
 
     ImocapError when its action.yaml cannot be used.
     """
-    root = workspace.root
+    tasks: list[Task] = []
+    after: tuple[str, ...] = ()
+
+    def add(work: Callable[..., Any], steps: Mapping[str, tuple[Any, ...]]) -> None:
+        nonlocal after
+        common = (workspace, action, tuple(sets))
+        each = [
+            Task(f"{action}: {step}", work, (*common, *more), after, priority)
+            for step, more in steps.items()
+        ]
+        tasks.extend(each)
+        after = tuple(task.name for task in each) or after
+
+    videos: list[str] = []
     if action in builtin_actions.BUILT_IN:
-        made = Task(_task_name(action, "demo"), _make_built_in, (root, action), (), priority)
-        stages = _stage_tasks(workspace, action, [], sets, (made.name,), priority)
-        return [made, *stages]
-    declared = workspace.job(action, list(sets)).action
-    if any(video.repetitions for video in declared.videos):  # its parts are known only later
-        whole = (root, action, tuple(sets), None, workspace.device)
-        return [Task(_task_name(action, WHOLE), _run_to, whole, (), priority)]
-    detections = [
-        Task(
-            _task_name(action, f"detect {video.id}"),
-            detect_video,
-            (root, action, tuple(sets), video.id),
-            (),
-            priority,
-        )
-        for video in declared.videos
-        if video.detected
-    ]
-    after = tuple(task.name for task in detections)
-    ids = [video.id for video in declared.videos]
-    return [*detections, *_stage_tasks(workspace, action, ids, sets, after, priority)]
-
-
-def _stage_tasks(
-    workspace: Workspace,
-    action: str,
-    videos: Sequence[str],
-    sets: Sequence[str],
-    after: tuple[str, ...],
-    priority: int,
-) -> list[Task]:
-    """A task a stage, after those of its parts; of a single video, the part is the whole."""
-    tasks = []
-    stages = list(workspace.pipeline().stages.items())
-    common = (workspace.root, action, tuple(sets))
-    for stage, spec in stages:
-        if spec.parts == "videos" and len(videos) > 1:
-            parts = [
-                Task(
-                    _task_name(action, f"{stage} {v}"),
-                    part_of,
-                    (*common, stage, v, workspace.device),
-                    after,
-                    priority,
-                )
-                for v in videos
-            ]
-            tasks += parts
-            after = tuple(part.name for part in parts) or after
-        until = None if stage == stages[-1][0] else stage
-        task = Task(
-            _task_name(action, stage), _run_to, (*common, until, workspace.device), after, priority
-        )
-        tasks.append(task)
-        after = (task.name,)
+        add(_make_built_in, {"demo": ()})
+    else:
+        declared = workspace.job(action, list(sets)).action.videos
+        if any(video.repetitions for video in declared):  # its parts are known only later
+            add(_run_to, {WHOLE: (None,)})
+            return tasks
+        add(_detect_video, {f"detect {v.id}": (v.id,) for v in declared if v.detected})
+        videos = [video.id for video in declared]
+    stages = workspace.pipeline().stages
+    for stage, spec in stages.items():
+        if spec.parts == "videos" and len(videos) > 1:  # of a single video, the part is the whole
+            add(_make_part, {f"{stage} {video}": (stage, video) for video in videos})
+        add(_run_to, {stage: (None if stage == list(stages)[-1] else stage,)})
     return tasks
 
 
-def _make_built_in(report: Report, root: Path, name: str) -> None:
+def _display(report: Report) -> FunctionDisplay:
+    return FunctionDisplay(lambda stage, share, text: report(share, text))
+
+
+def _make_built_in(report: Report, workspace: Workspace, action: str, sets: Sets) -> None:
     """Make a built-in action, unless it is there."""
-    workspace = Workspace(root)
-    display = FunctionDisplay(lambda stage, share, text: report(share, text))
-    with workspace.store.lock(name, display.waiting):
-        folder = root / "actions" / name
-        builtin_actions.ensure(name, folder, workspace.pipeline().seed, display)
+    display = _display(report)
+    with workspace.store.lock(action, display.waiting):
+        folder = workspace.root / "actions" / action
+        builtin_actions.ensure(action, folder, workspace.pipeline().seed, display)
 
 
-def detect_video(
-    report: Report, root: Path, action: str, sets: tuple[str, ...], video: str
+def _detect_video(
+    report: Report, workspace: Workspace, action: str, sets: Sets, video: str
 ) -> None:
     """Detect the people in one video, unless that was done."""
     from imocap_core.detect.detected_action import detect_one
 
-    job = Workspace(root).job(action, list(sets))
-    display = FunctionDisplay(lambda stage, share, text: report(share, text))
-    detect_one(job.action, video, job.settings.params.detect, job.store, display)
+    job = workspace.job(action, list(sets))
+    detect_one(job.action, video, job.settings.params.detect, job.store, _display(report))
 
 
 @plain_errors
-def part_of(
-    report: Report,
-    root: Path,
-    action: str,
-    sets: tuple[str, ...],
-    stage: str,
-    video: str,
-    device: str = CPU,
+def _make_part(
+    report: Report, workspace: Workspace, action: str, sets: Sets, stage: str, video: str
 ) -> None:
     """Make the part of a stage's result that belongs to a video, unless it is cached."""
-    display = FunctionDisplay(lambda stage, share, text: report(share, text))
-    job = Workspace(root, device).ready_job(action, list(sets), display)
-    make_part(job, stage, video, display)
+    display = _display(report)
+    make_part(workspace.ready_job(action, list(sets), display), stage, video, display)
 
 
 def _run_to(
-    report: Report,
-    root: Path,
-    action: str,
-    sets: tuple[str, ...],
-    until: str | None,
-    device: str = CPU,
+    report: Report, workspace: Workspace, action: str, sets: Sets, until: str | None
 ) -> StageEnd:
     """Bring an action up to date to a stage (None: to its report); earlier ones are cached."""
     done = run_action(
         action,
-        root=root,
+        root=workspace.root,
         params=list(sets),
         until=until,
-        device=device,
-        progress=lambda stage, share, text: report(share, text),
+        device=workspace.device,
+        progress=_display(report),
         part_of_many=True,
     )
     last = done.outcomes[-1]
@@ -218,13 +178,6 @@ class Listener:
     task_ended: Callable[[str, TaskEnd], None] = lambda action, end: None
     action_ended: Callable[[ActionEnd], None] = lambda end: None
     announce: Callable[[str], None] = lambda text: None
-
-
-@dataclass
-class _Progress:
-    left: int
-    end: ActionEnd
-    stages: list[StageEnd] = field(default_factory=list)
 
 
 @plain_errors
@@ -309,8 +262,6 @@ def executing(choice: ExecutorChoice, listener: Listener) -> Iterator[Executor]:
     """The executor of a choice."""
     workers = choice.workers or cores()
     if choice.name == "serial":
-        from imocap_core.executors.tasks import Serial
-
         yield Serial()
     elif choice.name == "processes":
         from imocap_core.executors.processes import worker_processes
@@ -343,23 +294,23 @@ def _carried_out(
 ) -> Iterator[ActionEnd]:
     """The ends of the actions, as they end."""
     owner = {task.name: name for name, tasks in planned.items() for task in tasks}
-    running = {n: _Progress(len(tasks), ActionEnd(n, "done")) for n, tasks in planned.items()}
+    ended: dict[str, list[TaskEnd]] = {name: [] for name in planned}
     every = [task for tasks in planned.values() for task in tasks]
     for end in perform(every, executor, listener.watch, retries=retries):
         action = owner[end.task.name]
         listener.task_ended(action, end)
-        progress = running[action]
-        progress.left -= 1
-        progress.end = replace(
-            progress.end,
-            seconds=progress.end.seconds + end.seconds,
-            attempts=progress.end.attempts + end.attempts,
-        )
-        if isinstance(end.result, StageEnd):
-            progress.stages.append(end.result)
+        ended[action].append(end)
+        if len(ended[action]) == len(planned[action]):
+            yield _end_of(action, ended[action])
+
+
+def _end_of(action: str, ends: Sequence[TaskEnd]) -> ActionEnd:
+    """The end of an action of which all tasks have ended."""
+    seconds, attempts = sum(end.seconds for end in ends), sum(end.attempts for end in ends)
+    stages = tuple(end.result for end in ends if isinstance(end.result, StageEnd))
+    fault = ""
+    for end in ends:
         if end.state == "failed":
             step = end.task.name.removeprefix(f"{action}: ")
             fault = end.fault if end.fault.startswith(step) else f"{step}: {end.fault}"
-            progress.end = replace(progress.end, state="failed", fault=fault)
-        if progress.left == 0:
-            yield replace(progress.end, stages=tuple(progress.stages))
+    return ActionEnd(action, "failed" if fault else "done", fault, seconds, attempts, stages)
