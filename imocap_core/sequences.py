@@ -24,6 +24,17 @@ def runs(flags: Bool[np.ndarray, " T"], least: int = 1, gap: int = 0) -> list[tu
     return [(int(a), int(b)) for a, b in zip(begins, ends, strict=True) if b - a + 1 >= least]
 
 
+def index_at(
+    values: Float[np.ndarray, " S"], wanted: Float[np.ndarray, " N"]
+) -> Float[np.ndarray, " N"]:
+    """Fractional indices at which values that never fall, NaN where unknown, are as wanted; NaN
+    outside of them."""
+    finite = np.flatnonzero(np.isfinite(values))
+    if not len(finite):
+        return np.full(len(wanted), np.nan)
+    return np.asarray(np.interp(wanted, values[finite], finite, left=np.nan, right=np.nan))
+
+
 def viterbi(
     first: Float[np.ndarray, " S"], steps: Float[np.ndarray, "T S S"]
 ) -> Int[np.ndarray, " _"]:

@@ -23,6 +23,7 @@ from scipy.ndimage import gaussian_filter1d
 from imocap_core.collect.films import LongFilm, ShotTrack, shot_tracks
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
+from imocap_core.motion.multiview.timeline import values_at
 from imocap_core.motion.state import REFLECTION, TWINS
 from imocap_core.params import CollectParams, KeypointsParams
 from imocap_core.sync.procrustes import procrustes_distances
@@ -71,7 +72,10 @@ def samples_of(track: ShotTrack, rate: float) -> TrackSamples:
     poses = track.joints[:, MATCHED_JOINTS]
     poses = poses - poses.mean(axis=1, keepdims=True)
     smooth = gaussian_filter1d(poses, max(0.4 * step, 0.5), axis=0, mode="nearest")
-    parts = [_at(smooth, frames + offset) for offset in (-reach, 0.0, reach)]
+    last = len(smooth) - 1  # the first and the last pose go on beyond the ends
+    parts = [
+        values_at(smooth, np.clip(frames + offset, 0, last)) for offset in (-reach, 0.0, reach)
+    ]
     windows = np.concatenate(parts, axis=1)
     nearest = np.minimum(np.rint(frames).astype(int), len(poses) - 1)
     sigma = np.maximum(track.sigma_m[nearest][:, MATCHED_JOINTS], LEAST_SIGMA_M)
@@ -124,15 +128,6 @@ def pose_change(windows: Float[np.ndarray, "N P 3"]) -> Float[np.ndarray, " N"]:
     joints = len(MATCHED_JOINTS)
     step = windows[:, 2 * joints :] - windows[:, :joints]
     return np.asarray(np.sqrt((step**2).sum(axis=-1).mean(axis=-1)))
-
-
-def _at(poses: Float[np.ndarray, "T J 3"], frames: Float[np.ndarray, " N"]) -> np.ndarray:
-    """Poses between frames, interpolated; the first and the last beyond the ends."""
-    position = np.clip(frames, 0, len(poses) - 1)
-    low = np.minimum(position.astype(int), max(len(poses) - 2, 0))
-    high = np.minimum(low + 1, len(poses) - 1)
-    share = (position - low)[:, None, None]
-    return np.asarray((1 - share) * poses[low] + share * poses[high])
 
 
 MAX_POOL = 4000  # windows that tell how far anything is from the template

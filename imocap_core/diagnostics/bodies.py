@@ -32,6 +32,7 @@ from imocap_core.camera.gravity import lowest_heights_m, sole_heights_m
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import EVAL_INDICES, LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.diagnostics.contradictions import (
+    MeasuredSpan,
     forbidden_advice,
     frames_of,
     limbs_px,
@@ -40,8 +41,9 @@ from imocap_core.diagnostics.contradictions import (
 )
 from imocap_core.diagnostics.detection_findings import lost_cameras
 from imocap_core.diagnostics.findings import Finding
+from imocap_core.motion.multiview.timeline import values_at
 from imocap_core.motion.state import mirrored_joints
-from imocap_core.sequences import runs
+from imocap_core.sequences import index_at, runs
 
 LEAST_DIFFERENCE_M = 0.15  # twice the mean difference between performances of one action
 USUAL_RATIO = 2.5  # times the action's median
@@ -59,17 +61,9 @@ class PlacedBody:
     fps: float
 
 
-@dataclass(frozen=True)
-class Outlying:
-    """Frames `first` to `last` (indices, both within), and their mean distance in metres."""
-
-    first: int
-    last: int
-    distance_m: float
-
-
-def outlying_bodies(bodies: Mapping[str, PlacedBody]) -> dict[str, list[Outlying]]:
-    """Spans in which a video's body is far from the nearest of the others; by video."""
+def outlying_bodies(bodies: Mapping[str, PlacedBody]) -> dict[str, list[MeasuredSpan]]:
+    """Spans in which a video's body is far from the nearest of the others, and the mean distance
+    in metres; by video."""
     nearest = nearest_distances(bodies)
     every = np.concatenate(list(nearest.values())) if nearest else np.zeros(0)
     every = every[np.isfinite(every)]
@@ -81,7 +75,7 @@ def outlying_bodies(bodies: Mapping[str, PlacedBody]) -> dict[str, list[Outlying
         fps = bodies[video].fps
         far = np.nan_to_num(distance) > limit
         spans[video] = [
-            Outlying(a, b, float(np.nanmean(distance[a : b + 1])))
+            MeasuredSpan(a, b, float(np.nanmean(distance[a : b + 1])))
             for a, b in stretches(far, fps, LEAST_S, GAP_S)
         ]
     return spans
@@ -113,16 +107,9 @@ def _at_phase(
     moments_s: Float[np.ndarray, " T"],
 ) -> Float[np.ndarray, "T 12 3"]:
     """Poses interpolated at moments; NaN outside of what the video shows."""
-    placed = np.flatnonzero(np.isfinite(phase_s))
-    if not len(placed):
-        return np.full((len(moments_s), *poses.shape[1:]), np.nan)
-    index = np.interp(moments_s, phase_s[placed], placed, left=np.nan, right=np.nan)
-    inside = np.isfinite(index)
-    low = np.floor(np.where(inside, index, 0)).astype(int)
-    high = np.minimum(low + 1, len(poses) - 1)
-    share = (np.where(inside, index, 0) - low)[:, None, None]
-    mixed = (1 - share) * poses[low] + share * poses[high]
-    return np.where(inside[:, None, None], mixed, np.nan)
+    index = index_at(phase_s, moments_s)
+    inside = np.isfinite(index)[:, None, None]
+    return np.where(inside, values_at(poses, np.nan_to_num(index)), np.nan)
 
 
 ACROSS = 0.85  # of its length a bone must show
@@ -221,22 +208,13 @@ LEAST_SPEED_M_S = 1.0
 LEAST_SLIDING_FRAMES = 2
 
 
-@dataclass(frozen=True)
-class Slide:
-    """Frames `first` to `last` (indices, both within) and the largest speed in them."""
-
-    first: int
-    last: int
-    speed_m_s: float
-
-
 def slides(
     ankle_m: Float[np.ndarray, "T 3"],
     ankle_px: Float[np.ndarray, "T 2"],
     size_px: float,
     fps: float,
-) -> list[Slide]:
-    """Spans in which an ankle is still in the picture and fast in space.
+) -> list[MeasuredSpan]:
+    """Spans in which an ankle is still in the picture and fast in space, and its top speed, m/s.
 
     Args:
         ankle_m: in the axes of the video's first-frame camera.
@@ -250,7 +228,7 @@ def slides(
     moved = np.linalg.norm(ankle_px[step:] - ankle_px[:-step], axis=-1) / size_px
     sliding = (speed > LEAST_SPEED_M_S) & (np.nan_to_num(moved, nan=np.inf) < STILL_SHARE)
     return [
-        Slide(first, last + step, float(speed[first : last + 1].max()))
+        MeasuredSpan(first, last + step, float(speed[first : last + 1].max()))
         for first, last in runs(sliding, LEAST_SLIDING_FRAMES, step)
     ]
 
@@ -277,7 +255,7 @@ def body_findings(
         Finding(
             "body",
             video,
-            f"the body is {1000 * span.distance_m:.0f} mm a joint away from that of {others} at "
+            f"the body is {1000 * span.value:.0f} mm a joint away from that of {others} at "
             "the same moment",
             "its body differs from the others",
             "compare its frames with the others' in `imocap view`, and if the timing is wrong, "
@@ -343,7 +321,7 @@ def feet_findings(
                         "feet",
                         video.id,
                         f"the {side} foot stands still in the picture, but the body's moves at up "
-                        f"to {span.speed_m_s:.1f} m/s in space",
+                        f"to {span.value:.1f} m/s in space",
                         "feet wrong in depth",
                         "",
                         *frames_of(video, span.first, span.last),

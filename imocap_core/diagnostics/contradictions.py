@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -43,6 +44,15 @@ def person_size(xy: Float[np.ndarray, "T K 2"]) -> float:
         complete = present
     span = np.nanmax(xy[complete], axis=1) - np.nanmin(xy[complete], axis=1)
     return float(np.quantile(np.hypot(*span.T), 0.9))
+
+
+@dataclass(frozen=True)
+class MeasuredSpan:
+    """Frames `first` to `last` (indices, both within), and what was measured in them."""
+
+    first: int
+    last: int
+    value: float
 
 
 def stretches(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +18,7 @@ from imocap_core.artifacts.schemas import (
     VideoTrust,
 )
 from imocap_core.diagnostics.contradictions import (
+    MeasuredSpan,
     anchor_advice,
     forbidden_advice,
     frames_of,
@@ -28,7 +28,7 @@ from imocap_core.diagnostics.contradictions import (
 )
 from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, listed
 from imocap_core.motion.event_clock import clock_of
-from imocap_core.sequences import runs
+from imocap_core.sequences import index_at, runs
 
 LEAST_MATCHED = 0.5  # of a video's frames
 UNCERTAIN = 0.5  # confidence
@@ -180,19 +180,10 @@ LEAST_FRAMES = 6
 MOVED = 0.1  # of the person's size, root-relative: more than a detector's noise
 
 
-@dataclass(frozen=True)
-class Collapse:
-    """Frames `first` to `last` (indices, both within) that are matched to `moment` of another."""
-
-    first: int
-    last: int
-    moment: float
-
-
 def collapses(
     position: Float[np.ndarray, " T"], xy_px: Float[np.ndarray, "T K 2"], fps: float
-) -> list[Collapse]:
-    """Spans in which the person moves and the matched moment does not.
+) -> list[MeasuredSpan]:
+    """Spans in which the person moves and the matched moment does not, and that moment.
 
     A person who stands still, or a freeze frame, is none; a video in slow motion is none either,
     because rates are compared with the video's usual one.
@@ -211,7 +202,7 @@ def collapses(
     for first, last in runs(stopped, least - 1):
         if pose_change(xy_px[first : last + 2], person_size(xy_px)) > MOVED:
             moment = float(np.median(position[first : last + 2]))
-            spans.append(Collapse(first, last + 1, moment))
+            spans.append(MeasuredSpan(first, last + 1, moment))
     return spans
 
 
@@ -240,39 +231,29 @@ def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -
     for sync_map in maps_of_others(sync):
         video = videos[sync_map.id]
         spans = collapses(sync_map.reference_frame, limbs_px(video), video.fps)
-        inverse = _inverse(sync_map.reference_frame, len(reference.frames))
+        inverse = index_at(sync_map.reference_frame, np.arange(len(reference.frames)))
         others = [
             back
             for back in collapses(inverse, limbs_px(reference), reference.fps)
-            if not any(s.first - NEAR_FRAMES <= back.moment <= s.last + NEAR_FRAMES for s in spans)
+            if not any(s.first - NEAR_FRAMES <= back.value <= s.last + NEAR_FRAMES for s in spans)
         ]
         findings += [_finding(video, reference, span) for span in spans]
         findings += [_finding(reference, video, span) for span in others]
     return findings
 
 
-def _finding(video: VideoKeypoints, other: VideoKeypoints, span: Collapse) -> Finding:
+def _finding(video: VideoKeypoints, other: VideoKeypoints, span: MeasuredSpan) -> Finding:
     first, last = frames_of(video, span.first, span.last)
     return Finding(
         "time",
         video.id,
         f"the person moves, but all these frames are matched to one moment of {other.id} (frame "
-        f"{int(other.frames[round(span.moment)])})",
+        f"{int(other.frames[round(span.value)])})",
         f"time collapses onto one moment of {other.id}",
         f"{anchor_advice(video.id, other.id)}, or {forbidden_advice(video.id, first, last)}",
         first,
         last,
     )
-
-
-def _inverse(position: Float[np.ndarray, " _"], length: int) -> Float[np.ndarray, " _"]:
-    """The inverse (length,) of an increasing map; NaN outside of it."""
-    matched = np.flatnonzero(np.isfinite(position))
-    if len(matched) < 2:
-        return np.full(length, np.nan)
-    return np.interp(
-        np.arange(length), position[matched], matched, left=np.nan, right=np.nan
-    ).astype(float)
 
 
 # Squared distance of a map shifted by a repetition over the map's own. Of 48 videos of walks that

@@ -18,6 +18,7 @@ from imocap_core.artifacts.schemas import SyncSummary, VideoKeypoints
 from imocap_core.camera.projection import Lens, camera_from_world, frame_projections
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.sequences import index_at
 
 STATIC_TOLERANCE = 1e-9  # a camera whose rotations differ by less is static
 
@@ -217,7 +218,7 @@ class Synchronisation:
         if other == self.reference:
             index, confidence = one.reference_frame, one.confidence
         else:
-            index = _index_at(two.phase_s, one.phase_s)
+            index = index_at(two.phase_s, one.phase_s)
             theirs = np.interp(index, np.arange(len(two.frames)), two.confidence)
             confidence = np.minimum(one.confidence, theirs)
         matched = np.isfinite(index)
@@ -227,17 +228,6 @@ class Synchronisation:
             frame=np.where(matched, frame, np.nan),
             confidence=np.where(matched, confidence, 0.0),
         )
-
-
-def _index_at(
-    phase_s: Float[np.ndarray, " S"], at_s: Float[np.ndarray, " T"]
-) -> Float[np.ndarray, " T"]:
-    """(T,) fractional frames of a video of phases (S,) that never fall; NaN outside of them."""
-    placed = np.flatnonzero(np.isfinite(phase_s))
-    if not len(placed):
-        return np.full(len(at_s), np.nan)
-    index = np.interp(at_s, phase_s[placed], placed, left=np.nan, right=np.nan)
-    return np.where(np.isfinite(at_s), index, np.nan)
 
 
 def synchronisation_of(
