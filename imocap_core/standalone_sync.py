@@ -26,13 +26,12 @@ from imocap_core.pipeline.action import (
     check_name,
     declared_path,
 )
-from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.stage import Context
 from imocap_core.result.artifacts import Artifacts, artifacts_of_stages
 from imocap_core.result.video import Synchronisation, synchronisation_of
 from imocap_core.sync_sources import Declared, VideoSource, labels, sources_of
-from imocap_core.workspace import Workspace
+from imocap_core.workspace import Workspace, is_action
 
 
 def job_in_parts(
@@ -55,8 +54,6 @@ def cut(
 ) -> tuple[Path, list[str]]:
     """The folder of an action whose videos are the repetitions of long clips (and the videos that
     are none), and a sentence on each clip."""
-    from imocap_core.artifacts.schemas import InitialSmpl, Keypoints
-    from imocap_core.result.artifacts import artifacts_of_stages
     from imocap_core.sync.repetition import find_repetitions
 
     hinted = [*job.action.anchors, *job.action.forbidden]
@@ -302,17 +299,12 @@ def _action_of(
     workspace: Workspace, words: Sequence[str | VideoSource], declared: Declared, name: str | None
 ) -> str:
     """The one action named, or one made of the videos and keypoints named."""
-    actions = [w for w in words if isinstance(w, str) and _is_action(workspace, w)]
+    actions = [w for w in words if isinstance(w, str) and is_action(workspace.root, w)]
     if actions and (len(words) > 1 or name is not None):
         raise WrongUse(f"{actions[0]} is an action: give it alone, without --name")
     if actions:
         return actions[0]
     return str(_write_sources(workspace.root, name, sources_of(words), declared))
-
-
-def _is_action(workspace: Workspace, word: str) -> bool:
-    places = (workspace.root / "actions" / word / FILE_NAME, Path(word) / FILE_NAME)
-    return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
 
 
 def _cut(

@@ -11,6 +11,7 @@ from imocap_core.artifacts.store import CACHE, Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
 from imocap_core.pipeline.action import DETECT, Action, find_action, path_of, read_action
+from imocap_core.pipeline.action import FILE_NAME as ACTION
 from imocap_core.pipeline.graph import FILE_NAME as PIPELINE
 from imocap_core.pipeline.graph import Pipeline, read_pipeline, settings
 from imocap_core.pipeline.runner import Display, Job
@@ -82,6 +83,12 @@ class Workspace:
         with self.store.lock(job.action.name, display.waiting):
             detect(job.action, job.settings.params.detect, self.store, display)
         return self.job(action, sets)
+
+
+def is_action(root: Path, word: str) -> bool:
+    """Whether a word names an action of a working folder, or an action's folder or file."""
+    places = (root / "actions" / word / ACTION, Path(word) / ACTION)
+    return word in demos.BUILT_IN or Path(word).name == ACTION or any(p.is_file() for p in places)
 
 
 def video_files(action: Action) -> dict[str, Path | None]:

@@ -19,6 +19,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.files import write_whole
 from imocap_core.identifiers import Id
 from imocap_core.params import CollectParams
+from imocap_core.people.tracking import box_overlap
 from imocap_core.pipeline.action import DETECT
 from imocap_core.pipeline.action import FILE_NAME as ACTION_FILE
 
@@ -123,15 +124,7 @@ def shows_same(a: Occurrence, b: Occurrence) -> bool:
         return False
     shared = min(a.stop, b.stop) - max(a.first, b.first)
     together = shared > SAME * min(a.stop - a.first, b.stop - b.first)
-    return together and _box_overlap(a.box_px, b.box_px) > SAME
-
-
-def _box_overlap(a: Box, b: Box) -> float:
-    """Intersection over union."""
-    sides = [min(a[k + 2], b[k + 2]) - max(a[k], b[k]) for k in (0, 1)]
-    both = max(sides[0], 0.0) * max(sides[1], 0.0)
-    areas = [(x[2] - x[0]) * (x[3] - x[1]) for x in (a, b)]
-    return both / max(sum(areas) - both, 1e-9)
+    return together and box_overlap(np.array(a.box_px), np.array(b.box_px)) > SAME
 
 
 def _view_difference_deg(a: Occurrence, b: Occurrence) -> float:

@@ -52,11 +52,11 @@ def write_mcap(out: Path, result: ActionResult) -> list[Path]:
 
 def _colour_of(number: int) -> foxglove.Colour:
     """Of a video, by its place among those of the result."""
+    from matplotlib.colors import to_rgb
+
     from imocap_core.figures.style import VIDEO_COLORS
 
-    code = VIDEO_COLORS[number % len(VIDEO_COLORS)]
-    red, green, blue = (int(code[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    return red, green, blue
+    return to_rgb(VIDEO_COLORS[number % len(VIDEO_COLORS)])
 
 
 def _times_ns(video: VideoResult) -> list[int]:

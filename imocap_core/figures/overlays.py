@@ -139,11 +139,12 @@ def draw_body(
     vertices_m: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     K_cell: Float[np.ndarray, "3 3"],
+    alpha: float = 0.85,
 ) -> Image:
     """The surface in the axes of the cell's camera, over the picture."""
     color = np.array(_BODY_RGB, dtype=np.float64)
     eye, zero = np.eye(3), np.zeros(3)
-    return draw_mesh(cell, vertices_m, faces, color, K_cell, eye, zero, alpha=0.85, light=LIGHT)
+    return draw_mesh(cell, vertices_m, faces, color, K_cell, eye, zero, alpha=alpha, light=LIGHT)
 
 
 def from_the_side(
@@ -160,12 +161,8 @@ def from_the_side(
     extent = (high - low)[:, :2].max(axis=0)
     focal = far_m * 0.9 * float((np.array(CELL_PX) / extent).min())
     K = np.array([[focal, 0, CELL_PX[0] / 2], [0, focal, CELL_PX[1] / 2], [0, 0, 1]])
-    color = np.array(_BODY_RGB, dtype=np.float64)
-    eye, zero = np.eye(3), np.zeros(3)
     centred = turned - ((low + high) / 2)[:, None] + [0, 0, far_m]
-    return [
-        draw_mesh(blank_cell(), body, faces, color, K, eye, zero, light=LIGHT) for body in centred
-    ]
+    return [draw_body(blank_cell(), body, faces, K, alpha=1.0) for body in centred]
 
 
 def contact_sheet(

@@ -75,14 +75,20 @@ def numbers(
             f"{path}: {name}: expected an array {expected}, it is missing; has: {have}"
         )
     array = arrays[name]
-    fits = len(array.shape) == len(shape) and all(
-        isinstance(want, str) or got == want for got, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits or array.dtype.kind not in "fiu":
+    if not are_numbers(array, shape):
         raise ValueError(
             f"{path}: {name}: expected numbers of shape {expected}, got {array.dtype} {array.shape}"
         )
     return array.astype(np.float64)
+
+
+def are_numbers(array: Shaped[np.ndarray, "..."], shape: Sequence[int | str]) -> bool:
+    """Whether an array has numbers and this shape (text matches any length)."""
+    return (
+        array.dtype.kind in "fiu"
+        and array.ndim == len(shape)
+        and all(isinstance(n, str) or n == m for n, m in zip(shape, array.shape, strict=True))
+    )
 
 
 def names(

@@ -25,7 +25,7 @@ from imocap_core.pipeline.action import (
 )
 from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.sync_sources import VideoSource, ascii_name, labels
-from imocap_core.workspace import Workspace
+from imocap_core.workspace import Workspace, is_action
 
 if TYPE_CHECKING:
     from imocap_core.collect.listing import CollectedList
@@ -223,24 +223,19 @@ def action_of_words(root: Path, words: Sequence[str], name: str | None) -> tuple
 
     With a name the words are videos and folders.
     """
-    actions = [word for word in words if name is None and _is_action(root, word)]
+    actions = [word for word in words if name is None and is_action(root, word)]
     if actions and len(words) > 1:
         raise WrongUse(f"{actions[0]} is an action: give it alone")
     missing = len(words) == 1 and not Path(words[0]).exists() and not _names_a_file(words[0])
     if actions or (name is None and missing):
         valid = ascii_name(words[0])  # `init "my serve"` makes my_serve
-        return (valid if not actions and _is_action(root, valid) else words[0]), []
+        return (valid if not actions and is_action(root, valid) else words[0]), []
     return action_of_videos(root, name, [Path(word) for word in words])
 
 
 def _names_a_file(word: str) -> bool:
     """Whether a word is meant as a file: it has a video's suffix."""
     return Path(word).suffix.lower() in VIDEO_SUFFIXES
-
-
-def _is_action(root: Path, word: str) -> bool:
-    places = (root / "actions" / word / FILE_NAME, Path(word) / FILE_NAME)
-    return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
 
 
 def name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:

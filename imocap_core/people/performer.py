@@ -20,6 +20,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.people.tracking import (
     PersonTrack,
     box_of,
+    box_overlap,
     distinct_people,
     follow,
     join_tracks,
@@ -212,10 +213,7 @@ def _distance(box: Float[np.ndarray, "4"] | None, place: FramePlace) -> float | 
     if box is None:
         return None
     if place.box_px is not None:
-        other = np.array(place.box_px)
-        inside = np.prod(np.clip(np.minimum(box, other)[2:] - np.maximum(box, other)[:2], 0, None))
-        union = np.prod(box[2:] - box[:2]) + np.prod(other[2:] - other[:2]) - inside
-        return MAX_DISTANCE - 0.5 * float(inside / max(union, 1e-9))
+        return MAX_DISTANCE - 0.5 * box_overlap(box, np.array(place.box_px, dtype=np.float64))
     point = np.array(place.point_px)
     outside = np.maximum(np.maximum(box[:2] - point, point - box[2:]), 0)
     centre = 0.5 * (box[:2] + box[2:])

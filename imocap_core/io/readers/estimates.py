@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float, Int
 
 from imocap_core.conventions import JOINTS
 from imocap_core.io.array_files import read_results
-from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
+from imocap_core.io.npz import are_numbers, load_arrays, names, numbers, rows_for_frames
 from imocap_core.io.readers.people import LARGEST, frame_number, listed, read_json, short, type_name
 from imocap_core.rotations import exp
 
@@ -129,10 +129,7 @@ def field(
         raise ValueError(
             f"{where}: {name}: expected numbers {expected}, got {type_name(value)}; has: {have:.80}"
         )
-    fits = value.ndim == len(shape) and all(
-        isinstance(want, str) or got == want for got, want in zip(value.shape, shape, strict=True)
-    )
-    if not fits or value.dtype.kind not in "fiu":
+    if not are_numbers(value, shape):
         raise ValueError(
             f"{where}: {name}: expected numbers {expected}, got {value.dtype} {value.shape}"
         )
