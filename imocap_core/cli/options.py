@@ -7,20 +7,18 @@ once: what a command needs it imports when it runs.
 from __future__ import annotations
 
 import json
-import math
 import os
 import signal
 import sys
 import webbrowser
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from imocap_core.errors import Stopped
+from imocap_core.errors import ImocapError, Stopped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -42,7 +40,6 @@ def action_names(context: typer.Context, incomplete: str) -> list[str]:
 
 def stage_names(context: typer.Context, incomplete: str) -> list[str]:
     """The stages that begin with some letters, for the shell."""
-    from imocap_core.errors import ImocapError
     from imocap_core.workspace import Workspace
 
     root = Path(context.find_root().params.get("root") or ".")
@@ -157,18 +154,9 @@ def print_json(document: Any) -> None:
 
 def plain(value: Any) -> Any:
     """The value as JSON's types."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [plain(part) for part in value]
-    if isinstance(value, bool) or value is None or isinstance(value, str):
-        return value
-    if isinstance(value, Path):
-        return str(value)
-    number = value.item() if hasattr(value, "item") else value
-    return None if isinstance(number, float) and not math.isfinite(number) else number
+    from pydantic_core import to_json
+
+    return json.loads(to_json(value, inf_nan_mode="null", fallback=lambda number: number.item()))
 
 
 def wait_until_done(served: Served, open_page: bool) -> None:

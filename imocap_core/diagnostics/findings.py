@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
+
+from pydantic import TypeAdapter, ValidationError
 
 Kind = Literal[
     "decision",  # a video was left out or mirrored
@@ -123,7 +125,6 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 
 
 FILE = "verdict.json"
-DERIVED = ("sentence", "serious")  # of a finding's fields in the file
 
 
 def verdict_document(verdict: Verdict) -> dict[str, Any]:
@@ -142,28 +143,12 @@ def verdict_text(verdict: Verdict) -> str:
 def read_verdict(text: str) -> Verdict:
     """The verdict of a JSON text. ValueError when it is none."""
     try:
-        document = json.loads(text)
-        findings = tuple(_finding(fields) for fields in document["findings"])
-        summary, disagreement_s = document["summary"], document["disagreement_s"]
-        checked = bool(document["checked"])
-    except (LookupError, TypeError, AttributeError, RecursionError):
+        verdict = TypeAdapter(Verdict).validate_json(text, strict=True)
+    except ValidationError:
         raise ValueError("expected a verdict") from None
-    sentences = isinstance(summary, list) and len(summary) <= SENTENCES and _are_plain(summary)
-    if not (sentences and isinstance(disagreement_s, int | float | None)):
-        raise ValueError("expected sentences, and how far the videos' times disagree")
-    return Verdict(tuple(summary), findings, disagreement_s, checked)
-
-
-def _finding(fields: dict[str, Any]) -> Finding:
-    finding = Finding(**{name: x for name, x in fields.items() if name not in DERIVED})
-    texts = (finding.video, finding.text, finding.brief, finding.remedy, finding.subject)
-    frames = (finding.first_frame, finding.last_frame)
-    numbered = all(isinstance(frame, int | None) for frame in frames)
-    if finding.kind not in get_args(Kind) or not (numbered and _are_plain(texts)):
-        raise ValueError("expected a finding: a kind, sentences, frames")
-    return finding
-
-
-def _are_plain(texts: Iterable[object]) -> bool:
-    """Whether all are texts without characters that control a terminal."""
-    return all(isinstance(text, str) and text.isprintable() for text in texts)
+    texts = [*verdict.summary]
+    for one in verdict.findings:
+        texts += [one.video, one.text, one.brief, one.remedy, one.subject]
+    if not all(text.isprintable() for text in texts):  # others control a terminal
+        raise ValueError("expected sentences, got control characters")
+    return verdict

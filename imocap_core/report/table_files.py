@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from pydantic import TypeAdapter
+
 from imocap_core.artifacts.schemas import Table
 from imocap_core.artifacts.schemas.motion_schemas import Cell
 from imocap_core.artifacts.side_files import check_names
@@ -115,12 +117,11 @@ def read_contents(folder: Path) -> Contents:
     """The contents that `write_report` wrote. OSError or ValueError when they cannot be read."""
     file = folder / CONTENTS
     try:
-        fields = json.loads(file.read_text(encoding="utf-8"))
-        pictures = tuple(Picture(str(p["file"]), str(p["caption"])) for p in fields["pictures"])
-        check_names(picture.file for picture in pictures)
-        title = str(fields["title"])
-        if any(CONTROL.search(text) for text in (title, *(p.caption for p in pictures))):
+        contents = TypeAdapter(Contents).validate_json(file.read_bytes())
+        check_names(picture.file for picture in contents.pictures)
+        texts = (contents.title, *(picture.caption for picture in contents.pictures))
+        if any(CONTROL.search(text) for text in texts):
             raise ValueError
-        return Contents(title, pictures)
-    except (ValueError, LookupError, TypeError, RecursionError):
+        return contents
+    except ValueError:
         raise ValueError(f"{file} is not as the run wrote it; run the action again") from None
