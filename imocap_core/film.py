@@ -26,7 +26,7 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
     VideoMotion,
 )
-from imocap_core.body import Model
+from imocap_core.body import Model, load_free_body
 from imocap_core.camera.projection import Lens, frame_projections
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.overlays import LIGHT, draw_keypoints
@@ -34,7 +34,7 @@ from imocap_core.figures.sheets import surfaces
 from imocap_core.figures.style import DIMMED, WHITE, rgb_of, write, write_strip
 from imocap_core.figures.style import PALE as PALE_TEXT
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed, title_of
-from imocap_core.io.video import read_rgb
+from imocap_core.io.video import read_rgb, write_h264
 from imocap_core.render import paint_mesh
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
@@ -469,8 +469,6 @@ def films_of(
 
     ValueError where the span is none.
     """
-    from imocap_core.body import load_free_body
-
     artifacts = result.artifacts
     keypoints, sync = artifacts.get(Keypoints), result.sync.summary
     model = load_free_body()
@@ -532,7 +530,6 @@ def write_films(
 ) -> list[Path]:
     """Write the films to a folder; `advance(film, frames done)` is called after each frame."""
     from imocap_core.io.frame_access import prefetch
-    from imocap_core.io.video import write_h264
 
     def counted(film: Film) -> Iterator[Any]:
         for done, frame in enumerate(prefetch(film.frames()), start=1):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from imocap_core.cli.options import Json, print_json, root_of, speaker
-from imocap_core.errors import WorkFailed
+from imocap_core.errors import WorkFailed, WrongUse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -73,7 +73,6 @@ def formats_command(
     as_json: Json = False,
 ) -> None:
     """List the formats that are read and written."""
-    from imocap_core.errors import WrongUse
     from imocap_core.library.status import formats
 
     if use not in (None, *TITLES):

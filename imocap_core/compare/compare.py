@@ -14,9 +14,9 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
 from imocap_core.motion.multiview.timeline import frame_positions, sample_rotations, values_at
 from imocap_core.params import SyncParams
-from imocap_core.result.body import local_rotations
+from imocap_core.result.body import body_model, local_rotations
 from imocap_core.result.result import ActionResult
-from imocap_core.result.video_motion import body_model_of, video_angles
+from imocap_core.result.video_motion import video_angles
 from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.technique import (
     SHOWN,
@@ -144,7 +144,8 @@ def several(performances: Performances) -> Performances:
 
 def _reference_body(result: ActionResult) -> Shaped:
     reference = result[result.reference]
-    return body_model_of(reference, hands=False).shape(torch.as_tensor(reference.betas))
+    model = body_model(reference.model, reference.action, hands=False)
+    return model.shape(torch.as_tensor(reference.betas))
 
 
 _LEAST = 3  # moments that two actions must share

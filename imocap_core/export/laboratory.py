@@ -38,6 +38,7 @@ from imocap_core.io.writers.osim import (
 )
 from imocap_core.io.writers.text_files import write_markers
 from imocap_core.result import video_motion
+from imocap_core.result.body import body_model
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 
@@ -87,7 +88,7 @@ def _surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]
 
 def _surface_vertices(video: VideoResult) -> dict[str, int]:
     """The vertex of every surface marker; the body with fingers has the same surface."""
-    model = video_motion.body_model_of(video, hands=False)
+    model = body_model(video.model, video.action, hands=False)
     return marker_vertices(
         model.v_template.numpy(),
         model.weights.numpy(),
@@ -159,7 +160,7 @@ def _write_model(
     file: Path, video: VideoResult, links: dict[str, Link], rest_m: Float[np.ndarray, "24 3"]
 ) -> float:
     """Write the performer's model; its mass in kg, by its volume."""
-    body = video_motion.body_model_of(video, hands=False)
+    body = body_model(video.model, video.action, hands=False)
     vertices = body.shape(torch.as_tensor(video.betas)).vertices_rest.numpy()
     owners = [body.joint_names[k] for k in body.weights.argmax(dim=1).tolist()]
     masses = segment_masses(links, vertices, body.faces.numpy(), owners)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -23,7 +23,6 @@ from imocap_core.result.result import Time
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
-    from imocap_core.artifacts.store import Stored
     from imocap_core.compare.compare import Technique, TechniquePair
     from imocap_core.export.formats import Exported
     from imocap_core.film import Film, FilmKind, MotionKind
@@ -196,22 +195,19 @@ def view(
 @plain_errors
 def report(action: str | Path, *, root: str | Path = ".", params: Params = None) -> Path:
     """Make the page of an action from its results; its path."""
+    from imocap_core.report.action_report import NEEDED, bring_up_to_date, complete
+
     sets = one_off(params)
     job = _job(action, root, sets)
     with job.store.lock(job.action.name, lambda: None):
-        return _report(job, generation(job, sets, scored=True))
-
-
-def _report(job: Job, stored: Mapping[str, Stored]) -> Path:
-    from imocap_core.report.action_report import NEEDED, bring_up_to_date, complete
-
-    if not complete(stored):
-        missing = ", ".join(stage for stage in NEEDED if stage not in stored) or "its stages"
-        raise WorkFailed(
-            f"{job.action.name}: the results of {missing} are missing; make them with: "
-            f"{run_command(job, [])}"
-        )
-    return bring_up_to_date(job, stored)
+        stored = generation(job, sets, scored=True)
+        if not complete(stored):
+            missing = ", ".join(stage for stage in NEEDED if stage not in stored) or "its stages"
+            raise WorkFailed(
+                f"{job.action.name}: the results of {missing} are missing; make them with: "
+                f"{run_command(job, [])}"
+            )
+        return bring_up_to_date(job, stored)
 
 
 @plain_errors
@@ -242,10 +238,11 @@ def compare(
     )
     from imocap_core.compare.technique_report import write_pair, write_technique
 
-    job = _job(action, root, one_off(params))
+    sets = one_off(params)
+    job = _job(action, root, sets)
     name = job.action.name
     folder = job.store.report(name) / COMPARE if out is None else output_folder(out)
-    result = result_of(action, root, params)
+    result = _current(job, sets)
     if second is None and len(performers_of(result)) > 1:
         pairs, files = _performers_compared(result, folder)
         return _compared(job, ActionComparison(None, pairs[0], files), out)

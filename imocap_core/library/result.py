@@ -12,7 +12,7 @@ from imocap_core.diagnostics.findings import Verdict
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.api_errors import plain_errors
 from imocap_core.pipeline.action import FILE_NAME, Action
-from imocap_core.result.artifacts import artifacts_in_store
+from imocap_core.result.artifacts import artifacts_in_store, verdict_of_artifacts
 from imocap_core.result.result import ActionResult, Time
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ class Result(ActionResult):
     def verdict(self) -> Verdict | None:
         """What to know about this result, without truth: `print(result.verdict)` gives three
         sentences, `.findings` the reasons. None before the stage refine_sync has run."""
-        from imocap_core.result.artifacts import verdict_of_artifacts
-
         return verdict_of_artifacts(self.artifacts)
 
     @cached_property

@@ -18,7 +18,7 @@ from imocap_core.biomechanics.events import (
     speed_spreads_m_s,
 )
 from imocap_core.biomechanics.joint_angles import angle_spreads_deg, joint_angles_deg
-from imocap_core.body import Model, Shaped
+from imocap_core.body import Shaped
 from imocap_core.camera.gravity import (
     BodyMotion,
     Extrinsics,
@@ -44,17 +44,9 @@ from imocap_core.result.video import HandMotion, VideoMoment, VideoResult
 from imocap_core.rotations import log
 
 
-def body_model_of(video: VideoResult, hands: bool) -> Model:
-    """The body model that a video was captured with, with fingers (52 joints) when `hands`.
-
-    WorkFailed when this version of the program has another one.
-    """
-    return body_model(video.model, video.action, hands)
-
-
 def shaped_body(video: VideoResult) -> Shaped:
     """The performer's body at rest; with fingers where the video has hands."""
-    model = body_model_of(video, hands=video.hands is not None)
+    model = body_model(video.model, video.action, hands=video.hands is not None)
     return model.shape(torch.as_tensor(video.betas))
 
 

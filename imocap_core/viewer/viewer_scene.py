@@ -30,10 +30,11 @@ from imocap_core.diagnostics.findings import Finding
 from imocap_core.errors import WorkFailed
 from imocap_core.files import is_whole_page, write_whole
 from imocap_core.result.artifacts import verdict_of_artifacts
+from imocap_core.result.body import body_model
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
-from imocap_core.result.video_motion import body_model_of, contact_frames
+from imocap_core.result.video_motion import contact_frames
 from imocap_core.viewer import html, viewer_video
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.viewer_video import windows as windows_of
@@ -246,10 +247,10 @@ def write_viewer(
         return False
     if out.exists() and out.stat().st_size and _STAMPED not in _head(out):
         raise WorkFailed(f"{out} exists and is no viewer; choose another name with --out")
-    block = html.Block()
+    block, hands = html.Block(), any(video.hands is not None for video in result)
     try:
-        hands = any(video.hands is not None for video in result)
-        header = scene(result, body_model_of(result.videos[0], hands), block, progress, small)
+        model = body_model(result.model, result.action, hands)
+        header = scene(result, model, block, progress, small)
     except ValueError as error:
         raise WorkFailed(f"{result.action}: {error}") from None
     progress(0.95, "writing")
@@ -266,7 +267,7 @@ def unfinished_viewer(result: ActionResult) -> str:
     WorkFailed names the artifact that is missing or unreadable.
     """
     block, hands = html.Block(), any(video.hands is not None for video in result)
-    model = body_model_of(result.videos[0], hands)
+    model = body_model(result.model, result.action, hands)
     return viewer.page(scene(result, model, block, small=True), block, "")
 
 
