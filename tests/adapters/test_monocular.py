@@ -1,12 +1,16 @@
-"""The fit of a video depends on that video alone, and an action's result on its videos' fits."""
+"""The fit of a video depends on that video alone, an action's result on its videos' fits; an
+estimator's result becomes a start where the keypoints are; detectors are believed differently."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
+import torch
 
 from benchmarks.lifter import LifterRow, markdown, write_table
+from imocap_core.adapters.estimates import estimate_of
 from imocap_core.adapters.monocular import (
     ANY,
     SingleVideo,
@@ -18,23 +22,32 @@ from imocap_core.adapters.monocular import (
     starts,
     with_sides,
 )
+from imocap_core.adapters.observations import fit_of, fit_of_single_views, noise_share_of
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.schemas import (
     AlternativeMotion,
     InitialSmpl,
+    Keypoints,
     StartFit,
     VideoCameraMotion,
     VideoKeypoints,
 )
 from imocap_core.body import load_free_body
-from imocap_core.body.layouts import layout_names
+from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS, mirror_indices
+from imocap_core.io.readers.keypoint_readers import FORMATS
+from imocap_core.io.readers.smpl_estimators import JOINT_READERS, ROTATIONS
 from imocap_core.metrics.position import pa_mpjpe_mm, root_relative
 from imocap_core.motion.monocular.starts import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import Body
-from imocap_core.params import InitialSmplParams, Params
+from imocap_core.params import FitParams, InitialSmplParams, Params
+from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
+from imocap_core.pipeline.stage import Context
+from imocap_core.rotations import exp
+from tests.io import made_estimates
 from tests.made_keypoints import made_keypoints
 from tests.report.made import Made
 from tests.stages.test_people import figure
@@ -215,3 +228,131 @@ def test_nothing_swapped_changes_nothing() -> None:
     same = with_sides(given, np.zeros(SWAPPED_FRAMES, dtype=int), NAMES, REACH)
     np.testing.assert_array_equal(same.xy_px, given.xy_px)
     np.testing.assert_array_equal(same.confidence, given.confidence)
+
+
+def keypoints_of(*layouts: str) -> Keypoints:
+    """One video of two empty frames for each layout."""
+    return Keypoints(videos=[made_keypoints(np.arange(2), name, id=name) for name in layouts])
+
+
+def test_a_detector_has_its_own_noise_and_others_the_usual() -> None:
+    params = FitParams(noise_share=0.01, noise_share_of={"mediapipe33": 0.03})
+    assert noise_share_of("mediapipe33", params) == 0.03
+    assert noise_share_of("body25", params) == 0.01
+    with pytest.raises(ValueError, match=r"noise_share_of: expected some of body25.*, got paws$"):
+        noise_share_of("body25", FitParams(noise_share_of={"paws": 0.02}))
+
+
+def test_mediapipe_is_believed_less_by_default() -> None:
+    assert noise_share_of("mediapipe33", FitParams()) > noise_share_of("body25", FitParams())
+
+
+def test_the_strongest_shape_prior_of_the_layouts_is_used() -> None:
+    params = FitParams(shape_prior=10.0, shape_prior_of={"mediapipe33": 70.0})
+    one = keypoints_of("body25")
+    assert fit_of(one, params).shape_prior == 10.0
+    assert fit_of(keypoints_of("body25", "mediapipe33"), params).shape_prior == 70.0
+    with pytest.raises(ValueError, match=r"shape_prior_of: expected some of body25.*, got paws$"):
+        fit_of(one, FitParams(shape_prior_of={"paws": 2.0}))
+
+
+def test_a_single_view_without_joints_keeps_the_shape_near_the_mean() -> None:
+    keypoints, params = keypoints_of("body25"), FitParams(shape_prior=10.0)
+    assert fit_of_single_views(keypoints, params, False, 90.0).shape_prior == 90.0
+    assert fit_of_single_views(keypoints, params, True, 90.0).shape_prior == 10.0
+    assert fit_of_single_views(keypoints, params, False, 5.0).shape_prior == 10.0
+
+
+WRITERS = {
+    "hmr2": made_estimates.write_phalp,
+    "wham": made_estimates.write_wham,
+    "vibe": made_estimates.write_vibe,
+    "hmmr": made_estimates.write_hmmr,
+    "tram": made_estimates.write_tram,
+    "sam3d_body": made_estimates.write_sam3d_body,
+    "mediapipe_world": made_estimates.write_mediapipe,
+}
+PLACE_OF_KNEE = {"sam3d_body": (11, 70), "mediapipe_world": (25, 33)}
+# Each frame's camera is turned a little further from the first one's.
+TURNS = torch.arange(made_estimates.FRAMES)[:, None] * torch.tensor([0.0, 0.1, 0.05])
+TURNED = exp(TURNS).double().numpy()
+
+
+def video(kind: str, frames: int = made_estimates.FRAMES) -> VideoKeypoints:
+    box = made_estimates.PERFORMER.box_px[np.minimum(np.arange(frames), made_estimates.FRAMES - 1)]
+    return made_keypoints(
+        np.arange(frames), size=made_estimates.SIZE, initial="given", initial_format=kind,
+        confidence=np.ones((frames, 25)), person_box_px=box,
+    )  # fmt: skip
+
+
+def given(folder: Path, kind: str, path: Path, frames: int = made_estimates.FRAMES) -> Any:
+    declared = {"id": "v1", "keypoints": "k", "fps": 30.0, "size": made_estimates.SIZE}
+    declared |= {"initial": path.name, "initial_format": kind}
+    context = Context(
+        stage="initial_smpl", seed=0, reads=frozenset(("initial",)),
+        progress=lambda share, what: None, report=folder,
+        _action=Action(folder, "made", (Declaration(**declared),)),
+    )  # fmt: skip
+    return estimate_of(context, video(kind, frames), torch.as_tensor(TURNED))
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_every_format_arrives(kind: str, tmp_path: Path) -> None:
+    found = given(tmp_path, kind, WRITERS[kind](tmp_path))
+    if isinstance(found, torch.Tensor):
+        expected = made_estimates.PERFORMER.R.copy()
+        expected[:, 0] = TURNED @ expected[:, 0]
+        np.testing.assert_allclose(found.numpy(), expected, atol=1e-5)
+    else:
+        known = np.isfinite(found).all(axis=(0, 2))
+        assert known.sum() in (12, 13, 24)
+        knee, place, count = SMPL_JOINTS.index("left_knee"), *PLACE_OF_KNEE[kind]
+        expected = np.einsum(
+            "tij,tj->ti",
+            TURNED,
+            made_estimates.joints_of(made_estimates.PERFORMER, count)[:, place],
+        )
+        np.testing.assert_allclose(found[:, knee], expected, atol=1e-9)
+
+
+def test_the_projects_own_joints_are_in_the_first_cameras_axes(tmp_path: Path) -> None:
+    joints = made_estimates.joints_of(made_estimates.PERFORMER, 8)
+    np.savez(tmp_path / "joints.npz", joints=joints, joint_names=np.array(SMPL_JOINTS[:8]))
+    found = given(tmp_path, "joints_npz", tmp_path / "joints.npz")
+    np.testing.assert_array_equal(found[:, :8], joints)
+
+
+def test_frames_without_an_estimate_lie_between_their_neighbours(tmp_path: Path) -> None:
+    """Frame 2 is missing: half way from 1 to 3."""
+    path = made_estimates.write_wham(tmp_path, frame_ids=np.array([0, 1, 20, 3, 4, 5]))
+    found = given(tmp_path, "wham", path)
+    ahead = found[1].transpose(-1, -2) @ found[2]
+    torch.testing.assert_close(ahead, found[2].transpose(-1, -2) @ found[3], atol=1e-5, rtol=0)
+    assert found.isfinite().all()
+
+
+def test_what_action_yaml_may_name_is_read_and_nothing_else_is() -> None:
+    assert set(get_args(InitialFormat)) == {"smpl_npz", *JOINT_READERS, *ROTATIONS}
+    assert set(get_args(DetectionFormat)) == set(FORMATS)
+    assert set(get_args(Layout)) <= set(layouts())
+
+
+def test_the_body_is_placed_where_the_keypoints_are() -> None:
+    """Rotations alone: depth and place come from the picture."""
+    body = Body.of(load_free_body(), "body25")
+    theta = 0.1 * np.random.default_rng(0).normal(size=(8, 24, 3))
+    R_local = exp(torch.as_tensor(theta))
+    R_local[:, 0] = exp(torch.tensor([np.pi, 0.0, 0.0], dtype=torch.float64)) @ R_local[:, 0]
+    trans = torch.tensor([0.3, 0.1, 4.0], dtype=torch.float64).expand(8, 3)
+    xyz = (
+        body.model.shape(torch.zeros(1, 10).double()).pose(R_local, trans).keypoints(body.keypoints)
+    )
+    K = np.array([[600.0, 0, 320], [0, 600.0, 180], [0, 0, 1]])
+    xy = (xyz / xyz[..., 2:]).numpy() @ K.T
+    observation = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01)
+    prior = load_pose_prior()
+    library = make_library(body, prior, np.random.default_rng(0), poses=2, directions=2)
+    (start,) = starts(body, library, observation, R_local, None, None, InitialSmplParams())
+    assert torch.equal(start.R_local, R_local)
+    assert float((start.trans - trans).norm(dim=-1).max()) < 0.25  # weak perspective, 4 m away

@@ -1,11 +1,23 @@
-"""The benchmark of the screening: what is planted is what is counted."""
+"""The benchmarks of the screening and of wrong starts: what is planted is what is counted."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
+import torch
 
 from benchmarks import screening
+from benchmarks.actions.captured_videos import Choice
+from benchmarks.rendered_action import is_rendered, trial_of
 from benchmarks.screening_casts import mirrored_performance, occluded
+from benchmarks.wrong_start import is_recovered, names_of
+from benchmarks.wrong_start_cases import depth_reversed, facing_reversed
+from imocap_core.artifacts.schemas import VideoMotion
+from imocap_core.body import load_free_body
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.errors import WrongUse
+from imocap_core.rotations import exp, log
 from imocap_core.synthetic.detector import Detections
 
 GOOD = screening.SceneRow(
@@ -59,3 +71,75 @@ def test_counts_are_of_what_was_planted() -> None:
     assert screening.mirrored_flipped([near]) == (0, 0)
     assert screening.near_symmetric_flipped([GOOD, near]) == (1, 12)
     assert 0.0 < screening.ASYMMETRIC < 1.0
+
+
+FRAMES = 4
+
+
+def motion() -> VideoMotion:
+    """Some poses that face the camera, the root at the origin."""
+    rng = np.random.default_rng(3)
+    theta = rng.normal(0, 0.2, (FRAMES, 72))
+    theta[:, :3] = [np.pi, 0.0, 0.0]
+    return VideoMotion(
+        id="v1",
+        frames=np.arange(FRAMES),
+        theta=theta,
+        betas=np.zeros(10),
+        trans=np.zeros((FRAMES, 3)),
+        joints=joints_of(exp(torch.as_tensor(theta).reshape(-1, 24, 3))),
+        reprojection_px=np.zeros(FRAMES),
+    )
+
+
+def joints_of(R_local: torch.Tensor) -> np.ndarray:
+    """(T, 24, 3) about the root."""
+    shaped = load_free_body().shape(torch.zeros(1, 10, dtype=torch.float64))
+    joints = shaped.pose(R_local, torch.zeros(len(R_local), 3, dtype=torch.float64)).joints
+    return (joints - joints[:, :1]).numpy()
+
+
+@pytest.mark.parametrize("sides_swapped", [False, True])
+def test_reversing_the_facing_twice_changes_nothing(sides_swapped: bool) -> None:
+    first = motion()
+    once = facing_reversed(first, sides_swapped=sides_swapped)
+    again = first.model_copy(update={"theta": log(once).flatten(1).numpy()})
+    twice = facing_reversed(again, sides_swapped=sides_swapped)
+    np.testing.assert_allclose(joints_of(twice), first.joints, atol=1e-9)
+
+
+def test_the_swap_of_sides_is_the_mirror_image_in_depth() -> None:
+    reversed_m = joints_of(facing_reversed(motion(), sides_swapped=True))
+    twins = list(mirror_indices(SMPL_JOINTS))
+    expected = (motion().joints * np.array([1.0, 1.0, -1.0]))[:, twins]
+    # the free body's left and right are alike within a few millimetres
+    np.testing.assert_allclose(reversed_m, expected, atol=5e-3)
+
+
+def test_depth_is_reversed_about_the_root_and_the_picture_stays() -> None:
+    joints = motion().joints + np.array([0.0, 0.0, 4.0])
+    reversed_m = depth_reversed(joints)
+    np.testing.assert_array_equal(reversed_m[..., :2], joints[..., :2])
+    np.testing.assert_allclose(reversed_m[..., 2] + joints[..., 2], 8.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("result_mm", "excluded", "recovered"),
+    [(41.9, "", True), (42.1, "", False), (40.0, "v2", False), (30.0, "", True)],
+)
+def test_recovered_is_within_five_percent_with_every_view(result_mm, excluded, recovered):
+    assert is_recovered(result_mm, 40.0, excluded, "") == recovered
+
+
+def test_every_action_is_run_from_keypoints_and_rendered(tmp_path, monkeypatch):
+    (tmp_path / "trials").mkdir()
+    for name in ("one", "two"):
+        np.savez(tmp_path / "trials" / f"{name}.npz")
+    monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
+    names = names_of(Path(), Choice("trials"))
+    assert names == ["one", "two", "one-rendered", "two-rendered"]
+    assert [is_rendered(name) for name in names] == [False, False, True, True]
+    assert [trial_of(name) for name in names[2:]] == names[:2]
+    assert names_of(Path(), Choice("trials", only=("two-rendered",))) == ["two-rendered"]
+    with pytest.raises(WrongUse, match="--only nothing"):
+        names_of(Path(), Choice("trials", only=("nothing",)))

@@ -1,9 +1,11 @@
-"""Joint angles: signs and sides as clinicians use them, on a body in known poses."""
+"""Joint angles: signs and sides as clinicians use them, on a body in known poses; and surface
+markers."""
 
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
+import torch
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
@@ -31,7 +33,14 @@ from imocap_core.biomechanics.linkage import (
     segment_of_joint,
     to_ground,
 )
-from imocap_core.biomechanics.segments import MIRROR, anatomical_axes, turn_about, twist_about
+from imocap_core.biomechanics.segments import (
+    MIRROR,
+    anatomical_axes,
+    marker_vertices,
+    surface_markers,
+    turn_about,
+    twist_about,
+)
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SIDES, SMPL_JOINTS
 from imocap_core.conventions import SMPL_JOINTS as NAMES
@@ -349,3 +358,37 @@ def test_at_zero_the_body_stands_with_its_arms_at_its_sides() -> None:
         assert np.hypot(*(shoulder - hand)[[0, 2]]) < 0.01
         assert thigh[1] - foot[1] > 0.7
         assert sign * thigh[2] > 0.05
+
+
+VERTICES = marker_vertices(
+    BODY.v_template.numpy(), BODY.weights.numpy(), BODY.joints_template.numpy(), BODY.joint_names
+)
+
+
+def test_both_sides_have_the_same_markers() -> None:
+    places = {name: BODY.v_template.numpy()[vertex] for name, vertex in VERTICES.items()}
+    assert set(places) == set(surface_markers())
+    assert len(set(VERTICES.values())) == len(VERTICES)
+    for name, place in places.items():
+        if name.startswith("left_"):
+            mirrored = place * [-1, 1, 1]
+            assert np.linalg.norm(places["right_" + name[5:]] - mirrored) < 0.005
+
+
+def test_markers_move_with_their_segments() -> None:
+    rng = np.random.default_rng(6)
+    turns = Rotation.from_rotvec(0.4 * rng.normal(size=(24, 3))).as_matrix()
+    shaped = BODY.shape(torch.as_tensor(rng.normal(size=10)))
+    posed = shaped.pose(torch.as_tensor(turns[None]), torch.zeros((1, 3), dtype=torch.float64))
+    R = [turns[0]]
+    for joint, parent in enumerate(BODY.parents[1:], start=1):
+        R.append(R[parent] @ turns[joint])
+    for name, of in surface_markers().items():
+        side = name.split("_")[0]
+        joint = BODY.joint_names.index(
+            of.joint if of.joint in BODY.joint_names else f"{side}_{of.joint}"
+        )
+        at_rest = shaped.vertices_rest[VERTICES[name]] - shaped.joints_rest[joint]
+        now = posed.mesh().vertices[0, VERTICES[name]] - posed.joints[0, joint]
+        away_m = np.linalg.norm(now.numpy() - R[joint] @ at_rest.numpy())
+        assert away_m < 0.02, name

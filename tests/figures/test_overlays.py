@@ -1,9 +1,10 @@
-"""What is drawn over a frame lands where it should."""
+"""What is drawn over a frame lands where it should, whatever `matplotlibrc` there is."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import matplotlib as mpl
 import numpy as np
 import pytest
 import torch
@@ -34,7 +35,7 @@ from imocap_core.figures.sheets import (
     surfaces,
     upright_world,
 )
-from imocap_core.figures.style import quiet
+from imocap_core.figures.style import new_figure, quiet, save
 from imocap_core.film import (
     NEUTRAL_RGB,
     OverlayBody,
@@ -309,3 +310,39 @@ def test_the_overlay_film_has_every_used_frame_named_and_tinted(made: Made, tmp_
     other = list(overlay_film(replace(performer, rgb=(0, 160, 0)), made.model, alpha=0.7))
     green, own = (p.astype(float).mean(axis=(0, 1)) for p in (other[5], film[5]))
     assert green[1] - green[0] > own[1] - own[0] + 1
+
+
+def picture(file: Path) -> bytes:
+    with quiet():
+        figure = new_figure(2.0, 1.5)
+        axes = figure.add_subplot()
+        axes.plot([0, 1], [1, 0])
+        axes.set_title("a title")
+        save(figure, file)
+    return file.read_bytes()
+
+
+def test_settings_of_others_change_no_figure(tmp_path: Path) -> None:
+    theirs = {"axes.facecolor": "red", "lines.linestyle": ":", "text.usetex": True}
+    expected = picture(tmp_path / "a.png")
+    with mpl.rc_context(theirs):  # type: ignore[arg-type]
+        assert picture(tmp_path / "b.png") == expected
+        assert {name: mpl.rcParams[name] for name in theirs} == theirs
+
+
+def test_the_style_ends_with_an_error(tmp_path: Path) -> None:
+    before = dict(mpl.rcParams)
+    with pytest.raises(ZeroDivisionError), quiet():
+        assert 1 / (mpl.rcParams["font.size"] == 0)
+    assert dict(mpl.rcParams) == before
+
+
+def test_a_figure_is_as_matplotlib_lays_it_out(tmp_path: Path) -> None:
+    laid_out = picture(tmp_path / "a.png")
+    with quiet():
+        figure = new_figure(2.0, 1.5)
+        axes = figure.add_subplot()
+        axes.plot([0, 1], [1, 0])
+        axes.set_title("a title")
+        figure.savefig(tmp_path / "b.png", dpi=figure.dpi, metadata={"Software": None})
+    assert laid_out == (tmp_path / "b.png").read_bytes()

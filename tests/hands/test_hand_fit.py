@@ -1,5 +1,7 @@
-"""Made hands, filmed from two sides: what is recovered, and what is said of hands unseen."""
+"""Made hands, filmed from two sides: what is recovered, what is said of hands unseen; the
+linearisation of every term; the skeleton."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +10,28 @@ import torch
 from torch import Tensor
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.hand_fit import FittedHands, fit_hands
-from imocap_core.hands.hand_objective import ArmsAndHands, HandWeights, point_weights
-from imocap_core.hands.hand_skeleton import ANGLE_NAMES, hand_points, hand_skeleton
+from imocap_core.hands.hand_fit import FittedHands, cheapest_path, fit_hands
+from imocap_core.hands.hand_objective import (
+    ArmsAndHands,
+    CommonHand,
+    HandState,
+    HandViews,
+    HandWeights,
+    coupling_cost,
+    image_cost,
+    point_weights,
+    prior_cost,
+    smooth_cost,
+)
+from imocap_core.hands.hand_skeleton import (
+    ANGLE_NAMES,
+    HandSkeleton,
+    hand_points,
+    hand_skeleton,
+    joint_vectors,
+)
 from imocap_core.motion.multiview.timeline import make_timeline
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))
@@ -130,3 +150,139 @@ def test_a_hand_never_seen_keeps_the_body_s_wrist_and_the_rest_pose() -> None:
 def test_videos_need_a_timeline() -> None:
     with pytest.raises(ValueError, match="timeline"):
         fit_hands(SKELETON, made()[0], None, 0, PARAMS)
+
+
+MODEL = load_free_body(hands=True)
+SHAPED = MODEL.shape(torch.linspace(-1, 1, 10, dtype=torch.float64))
+HANDS: HandSkeleton = hand_skeleton(SHAPED)
+
+
+def test_the_hand_is_that_of_the_body() -> None:
+    rng = torch.Generator().manual_seed(0)
+    angles = 0.5 * torch.randn(2, 21, generator=rng, dtype=torch.float64)
+    R_wrist = exp(torch.randn(2, 3, generator=rng, dtype=torch.float64))
+    R_local = torch.eye(3, dtype=torch.float64).repeat(52, 1, 1)
+    R_local[20], R_local[21] = R_wrist
+    R_local[22:] = exp(joint_vectors(HANDS.axes, angles)).reshape(30, 3, 3)
+    posed = SHAPED.pose(R_local, torch.zeros(3, dtype=torch.float64))
+    xyz, _, _ = hand_points(HANDS.bones, HANDS.axes, R_wrist, angles)
+    for number, side in enumerate(("left", "right")):
+        true = posed.keypoints(MODEL.points(f"{side}_hand21"))
+        # a fingertip is skin: it hangs on the bones before it a little too
+        assert (true - true[0] - xyz[number]).norm(dim=-1).max() < 0.004
+        joints = [k for k in range(21) if k not in (4, 8, 12, 16, 20)]
+        assert (true - true[0] - xyz[number])[joints].abs().max() < 1e-6
+
+
+def test_derivatives_are_finite_differences() -> None:
+    rng = torch.Generator().manual_seed(1)
+    angles = 0.6 * torch.randn(2, 21, generator=rng, dtype=torch.float64)
+    R_wrist = exp(torch.randn(2, 3, generator=rng, dtype=torch.float64))
+    _, d_wrist, d_angles = hand_points(HANDS.bones, HANDS.axes, R_wrist, angles)
+    step = 1e-6
+    for k in range(21):
+        moved = angles.clone()
+        moved[:, k] += step
+        there, _, _ = hand_points(HANDS.bones, HANDS.axes, R_wrist, moved)
+        moved[:, k] -= 2 * step
+        back, _, _ = hand_points(HANDS.bones, HANDS.axes, R_wrist, moved)
+        assert torch.allclose((there - back) / (2 * step), d_angles[..., k], atol=1e-8)
+    for k in range(3):
+        turn = torch.zeros(3, dtype=torch.float64)
+        turn[k] = step
+        there, _, _ = hand_points(HANDS.bones, HANDS.axes, R_wrist @ exp(turn), angles)
+        back, _, _ = hand_points(HANDS.bones, HANDS.axes, R_wrist @ exp(-turn), angles)
+        assert torch.allclose((there - back) / (2 * step), d_wrist[..., k], atol=1e-8)
+
+
+def test_positive_bends_bring_every_tip_to_the_palm_and_hands_are_mirror_twins() -> None:
+    still = torch.eye(3, dtype=torch.float64).expand(2, 3, 3)
+    bend = torch.tensor([0.7 * ("bend" in name) for name in ANGLE_NAMES], dtype=torch.float64)
+    closed, _, _ = hand_points(HANDS.bones, HANDS.axes, still, bend.expand(2, 21))
+    opened, _, _ = hand_points(HANDS.bones, HANDS.axes, still, torch.zeros(2, 21).double())
+    palm = opened[:, [0, 5, 17]].mean(1, keepdim=True)
+    tips = [4, 8, 12, 16, 20]
+    nearer = (closed - palm)[:, tips].norm(dim=-1) < (opened - palm)[:, tips].norm(dim=-1)
+    assert nearer.all()
+    fingers = tips[1:]
+    assert (closed[:, fingers, 1] < opened[:, fingers, 1]).all()  # palms face down at rest
+    twin = closed[1] * torch.tensor([-1.0, 1.0, 1.0]).double()
+    assert (twin - closed[0]).norm(dim=-1).max() < 0.005
+
+
+WEIGHTS = replace(
+    PARAMS, wrist_rad=0.7, offset_m=0.03, pose_prior=0.5, acceleration_rad_s2=30.0,
+    offset_acceleration_m_s2=3.0,
+)  # fmt: skip
+B, T, V = 2, 4, 2
+RATES = torch.tensor([15.0, 10.0]).double()
+
+
+def random(*shape: int, seed: int, scale: float = 1.0) -> Tensor:
+    made = torch.Generator().manual_seed(seed)
+    return scale * torch.randn(*shape, generator=made, dtype=torch.float64)
+
+
+VIEWS = HandViews(
+    bones=SKELETON.bones,
+    axes=SKELETON.axes,
+    R_forearm=exp(random(B, T, V, 3, seed=0)),
+    wrist_m=torch.tensor([0.1, 0.2, 3.0]).double().expand(B, T, V, 3),
+    K=torch.tensor([[500.0, 0, 300], [0, 500, 200], [0, 0, 1]]).double().expand(B, V, 3, 3),
+    xy_px=random(B, T, V, 21, 2, seed=1, scale=5.0) + torch.tensor([317.0, 233.0]).double(),
+    weight=torch.rand(B, T, V, 21, generator=torch.Generator().manual_seed(2)).double(),
+    R_body=exp(random(B, T, 3, seed=3, scale=0.1)),
+    valid=torch.tensor([[True] * 4, [True, True, True, False]]),
+)
+STATE = HandState(
+    exp(random(B, T, 3, seed=4, scale=0.02)),  # turns between frames are small, as in motion
+    random(B, T, 21, seed=5, scale=0.6),
+    random(B, T, V, 3, seed=6, scale=0.02),
+    1.05,
+)
+COMMON = CommonHand(
+    exp(random(B, T, 3, seed=7, scale=0.4)),
+    random(B, T, 21, seed=8, scale=0.5),
+    torch.rand(B, T).double(),
+)
+Cost = Callable[[HandState, NormalEquations | None], Tensor]
+TERMS: dict[str, tuple[Cost, float]] = {
+    "image": (lambda s, n: image_cost(VIEWS, s, WEIGHTS, n), 1e-6),
+    "prior": (lambda s, n: prior_cost(VIEWS, s, SKELETON, WEIGHTS, n), 1e-6),
+    "coupling": (lambda s, n: coupling_cost(VIEWS, s, COMMON, WEIGHTS, n), 1e-6),
+    "smooth": (lambda s, n: smooth_cost(VIEWS, s, WEIGHTS, RATES, n), 0.1),  # turns add up nearly
+}
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_gradients_are_half_of_those_of_the_cost(name: str) -> None:
+    term, tolerance = TERMS[name]
+    normal = NormalEquations.zeros(B, T, 24 + 3 * V, 1, STATE.angles)
+    term(STATE, normal)
+    step = 1e-6
+    for seed in range(6):
+        way = random(B, T, 24 + 3 * V, seed=20 + seed)
+        there, back = (term(STATE.retract(sign * step * way), None) for sign in (1, -1))
+        slope = (there - back) / (4 * step)
+        told = (normal.gradient * way).sum((1, 2))
+        assert torch.allclose(slope, told, rtol=tolerance, atol=tolerance * float(told.abs().max()))
+
+
+def test_the_size_s_derivative_too() -> None:
+    normal = NormalEquations.zeros(B, T, 24 + 3 * V, 1, STATE.angles)
+    image_cost(VIEWS, STATE, WEIGHTS, normal)
+    step = 1e-6
+    there, back = (
+        image_cost(VIEWS, replace(STATE, size=STATE.size * (1 + sign * step)), WEIGHTS)
+        for sign in (1, -1)
+    )
+    assert torch.allclose((there - back) / (4 * step), normal.corner_gradient[:, 0], rtol=1e-5)
+
+
+def test_the_cheapest_path_prefers_a_steady_wrist_to_a_slightly_cheaper_jump() -> None:
+    R = exp(torch.tensor([[0.0, 0, 0], [3.0, 0, 0]]).double()).expand(3, 2, 3, 3)
+    cost = torch.tensor([[0.0, 5.0], [1.0, 0.9], [0.0, 5.0]]).double()
+    path = cheapest_path(cost, R, torch.tensor([0.1, 0.1]).numpy())
+    assert path.tolist() == [0, 0, 0]
+    dear = torch.tensor([[0.0, 500.0], [900.0, 0.0], [0.0, 500.0]]).double()
+    assert cheapest_path(dear, R, torch.tensor([0.1, 0.1]).numpy()).tolist() == [0, 1, 0]

@@ -17,8 +17,7 @@ from imocap_core.io.frame_access import (
     variable_times_s,
 )
 from imocap_core.io.video import probe, read_gray, read_rgb, write_h264
-from tests.io.made_times import write_timed
-from tests.io.made_videos import write_video
+from tests.io.made_videos import write_timed, write_video
 
 COUNT = 90
 

@@ -10,8 +10,7 @@ import pytest
 
 from imocap_core.io import video
 from imocap_core.io.frame_access import all_frames, check_video
-from tests.io.made_times import write_timed
-from tests.io.made_videos import FPS, level, write_video
+from tests.io.made_videos import FPS, level, write_timed, write_video
 
 
 def clip(count=7, height=48, width=64):

@@ -1,4 +1,5 @@
-"""SMPL-BA on made scenes: cameras and motion come back, and differences are respected."""
+"""SMPL-BA on made scenes: cameras, focal lengths and motion come back, and differences are
+respected."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +12,7 @@ import torch
 from imocap_core.camera.averaging import angle_deg
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.motion_posterior import motion_posterior
-from imocap_core.motion.multiview.common_motion import misfit, spread_beyond_noise_m
+from imocap_core.motion.multiview.common_motion import misfit, spread_beyond_noise_m, unknowns_of
 from imocap_core.motion.multiview.per_video import joint_spread_rad
 from imocap_core.motion.multiview.scene import (
     JointMotion,
@@ -313,3 +314,85 @@ def test_mean_shapes_are_those_of_each_performer(two_performers: Made) -> None:
     means = mean_shapes(state, PERFORMERS)
     torch.testing.assert_close(means[0], state.betas[[0, 2]].mean(0))
     torch.testing.assert_close(means[1], state.betas[[1, 3]].mean(0))
+
+
+TURNS_DEG = [0.0, 75.0, -80.0, 170.0]
+OFF = np.array([1.12, 0.9, 1.0, 0.86])  # of the true focal lengths
+SPREAD = 0.15
+
+
+@pytest.fixture(scope="module")
+def four_views() -> Made:
+    return scene(FRAMES, TURNS_DEG, np.random.default_rng(8), path_m=0.4)
+
+
+def assumed(four_views: Made, spread: float) -> Scene:
+    """Wrong focal lengths with a prior of this spread."""
+    maps = [np.arange(float(FRAMES)) for _ in TURNS_DEG]
+    trust = [np.ones(FRAMES) for _ in TURNS_DEG]
+    seen = [
+        replace(o, K=o.K @ np.diag([off, off, 1.0]), focal_spread=spread)
+        for o, off in zip(four_views.observations, OFF, strict=True)
+    ]
+    timeline = make_timeline(maps, trust, FRAMES)
+    return Scene(four_views.body, wide_prior(), seen, timeline, trust, 0, WEIGHTS)
+
+
+def start_at_wrong_focals(four_views: Made) -> MotionState:
+    """The true motions in their own axes, each as far away as its focal length makes it look."""
+    true = in_own_axes(four_views)
+    far = torch.as_tensor(np.stack([np.ones(4), np.ones(4), OFF], axis=-1))
+    rest = four_views.body.model.joints_template[0]
+    state = replace(true, trans=(true.trans + rest) * far[:, None] - rest)
+    return disturbed(state, 0.02)
+
+
+def recovered(four_views: Made, spread: float, max_steps: int) -> JointMotion:
+    options: MotionParams = replace(OPTIONS, max_steps=max_steps)
+    return solve_jointly(assumed(four_views, spread), start_at_wrong_focals(four_views), options)
+
+
+def focal_errors(found: JointMotion) -> np.ndarray:
+    return np.log(found.cameras.K[:, 0, 0].numpy() / FOCAL_PX)
+
+
+@pytest.mark.long
+def test_focal_lengths_come_back_and_the_middle_of_the_picture_stays(four_views: Made) -> None:
+    found = recovered(four_views, 0.5, 12)
+    before = np.log(OFF)
+    errors = focal_errors(found)
+    assert np.sqrt((errors**2).mean()) < 0.3 * np.sqrt((before**2).mean()), errors
+    assert torch.equal(found.cameras.K[:, 0, 0], found.cameras.K[:, 1, 1])
+    middle = np.stack([o.K[:, 2] for o in four_views.observations])
+    np.testing.assert_array_equal(found.cameras.K[:, :, 2].numpy(), middle)
+
+
+@pytest.mark.long
+def test_known_focal_lengths_stay(four_views: Made) -> None:
+    np.testing.assert_allclose(focal_errors(recovered(four_views, 0.0, 2)), np.log(OFF), atol=1e-12)
+
+
+def test_the_focal_likelihood_counts_once_per_action(four_views: Made) -> None:
+    all_ = assumed(four_views, SPREAD)
+    some = replace(
+        all_,
+        observations=[
+            replace(o, focal_spread=SPREAD if v in (1, 3) else 0.0)
+            for v, o in enumerate(all_.observations)
+        ],
+    )
+    free = unknowns_of(some, [])
+    assert list(free.videos) == [1, 3]
+    assert free.weight.tolist() == pytest.approx([FRAMES / SPREAD**2] * 2)
+
+
+def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(four_views: Made) -> None:
+    free = unknowns_of(assumed(four_views, SPREAD), [])
+    state = replace(four_views.state, log_focal=torch.log(torch.as_tensor(OFF))[None])
+    (prior,) = free.prior(four_views.cameras().K)
+    assert float(prior.cost(state)) == pytest.approx(0.0, abs=1e-12)
+    (elsewhere,) = free.prior(free.intrinsics(four_views.cameras().K, state.log_focal[0]))
+    moved = replace(state, log_focal=state.log_focal + 0.1)
+    still = replace(state, log_focal=torch.zeros_like(state.log_focal))
+    assert float(elsewhere.cost(still)) == pytest.approx(0.0, abs=1e-12)
+    assert float(prior.cost(moved)) == pytest.approx(FRAMES / SPREAD**2 * 4 * 0.1**2)

@@ -22,7 +22,7 @@ from imocap_core.io.video import probe
 from imocap_core.pipeline.action import Action, AnchorEntry, Declaration, ForbiddenEntry
 from imocap_core.pipeline.stage import Context
 from imocap_core.sequences import even_moments, points_at_moments
-from tests.io.made_times import write_timed
+from tests.io.made_videos import write_timed
 from tests.made_keypoints import write_openpose
 from tests.stages.test_keypoints import run
 from tests.sync.test_synchronise import PARAMS, pose_at

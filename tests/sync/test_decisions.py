@@ -32,9 +32,9 @@ from imocap_core.sync.screening.pose_evidence import (
 from imocap_core.sync.screening.registration import Keypoints2D, unbiased_directions
 from imocap_core.sync.screening.screening import Screening, sentences
 from tests.sync.made_motions import view_of
-from tests.sync.test_registration import filmed, motion_of
 from tests.sync.test_screening import TWINS
 from tests.sync.test_synchronise import pose_at
+from tests.sync.test_template import filmed, motion_of
 
 AZIMUTHS = (0.0, 1.2, 2.4, 3.9)
 

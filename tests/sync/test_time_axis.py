@@ -1,8 +1,14 @@
-"""One time axis: the phases that maps between made clips must give."""
+"""One time axis: the phases that maps between made clips must give, its reference, and maps
+averaged over several axes."""
+
+from itertools import permutations
 
 import numpy as np
 import pytest
 
+from imocap_core.sync.axes import averaged_over_axes, axes_of, inverted
+from imocap_core.sync.maps import Blocks
+from imocap_core.sync.reference import chosen_reference, coverage
 from imocap_core.sync.time_axis import (
     HARD_WEIGHT,
     PairMaps,
@@ -11,7 +17,9 @@ from imocap_core.sync.time_axis import (
     composed,
     cycle_residuals,
     left_out_disagreement,
+    pace_spread,
 )
+from imocap_core.sync.warp.soft_maps import Clocks
 from tests.sync.phase_positions import positions_in
 
 FPS = 25.0
@@ -162,3 +170,166 @@ def test_composition_interpolates_and_loses_unmatched_frames() -> None:
     then = np.array([0.0, 2.0, np.nan, 6.0])
     got = composed(np.array([0.0, 0.5, 1.0, 1.5, 3.0, np.nan]), then)
     np.testing.assert_allclose(got, [0.0, 1.0, 2.0, np.nan, 6.0, np.nan])
+
+
+LENGTHS = [60, 50, 70, 55]
+REACH = 9.0
+
+
+def warp(video: int, frames: np.ndarray) -> np.ndarray:
+    """Phase of a video's frames: its own offset and pace."""
+    return (frames + 2.0 * video) * (1.0 + 0.1 * video)
+
+
+def frame_of(video: int, phase: np.ndarray) -> np.ndarray:
+    """The inverse of `warp`."""
+    return phase / (1.0 + 0.1 * video) - 2.0 * video
+
+
+def maps_to(axis: int, error: float = 0.0) -> list[np.ndarray]:
+    """True positions of all videos in one, as far as it reaches; the axis misplaced on the time of
+    the action by `error`."""
+    out = []
+    for v, length in enumerate(LENGTHS):
+        position = frame_of(axis, warp(v, np.arange(float(length)))) + error * (v != axis)
+        inside = (position >= 0) & (position <= LENGTHS[axis] - 1)
+        out.append(np.where(inside, position, np.nan))
+    return out
+
+
+@pytest.mark.parametrize("reference", range(4))
+def test_axes_that_agree_change_nothing(reference: int) -> None:
+    exact = {axis: maps_to(axis) for axis in range(4)}
+    averaged = averaged_over_axes(exact, reference, LENGTHS, REACH)
+    for before, after in zip(exact[reference], averaged, strict=True):
+        np.testing.assert_allclose(after, before, atol=1e-9)
+
+
+def test_an_error_of_the_reference_counts_as_one_of_the_axes() -> None:
+    """All videos are placed 2 frames off in the reference, and rightly in each other."""
+    maps = {0: maps_to(0, error=2.0), **{axis: maps_to(axis) for axis in (1, 2, 3)}}
+    averaged = averaged_over_axes(maps, 0, LENGTHS, 1e6)
+    within = slice(15, 30)  # away from the ends of all videos
+    for v in (1, 2, 3):
+        np.testing.assert_allclose((averaged[v] - maps_to(0)[v])[within], 2.0 / 4, atol=1e-9)
+
+
+def test_an_axis_that_matches_another_repetition_hardly_counts() -> None:
+    """Through the axis 1 everything lies 40 frames late."""
+    exact = {axis: maps_to(axis) for axis in range(4)}
+    late = [x + 40.0 * (v not in (0, 1)) for v, x in enumerate(maps_to(1))]
+    averaged = averaged_over_axes({**exact, 1: late}, 0, LENGTHS, REACH)
+    for v in (2, 3):
+        error = np.abs(averaged[v] - maps_to(0)[v])[15:30]
+        assert np.nanmax(error) < 0.05
+
+
+def test_unmatched_frames_stay_so_and_no_axis_moves_time_backwards() -> None:
+    rng = np.random.default_rng(0)
+    maps = {
+        axis: [np.maximum.accumulate(x + rng.normal(0, 0.7, len(x))) for x in maps_to(axis)]
+        for axis in range(4)
+    }
+    averaged = averaged_over_axes(maps, 2, LENGTHS, REACH)
+    for v in (0, 1, 3):
+        matched = np.isfinite(averaged[v])
+        np.testing.assert_array_equal(matched, np.isfinite(maps[2][v]))
+        assert (np.diff(averaged[v][matched]) >= 0).all()
+
+
+def test_inverse_of_a_map_and_of_its_plateaus() -> None:
+    positions = np.array([np.nan, 0.0, 1.0, 1.0, 1.0, 2.5, np.nan])
+    targets = np.array([-0.1, 0.0, 0.5, 1.0, 2.5, 2.6])
+    expected = [np.nan, 1.0, 2.0, 3.0, 5.0, np.nan]
+    np.testing.assert_allclose(inverted(positions, targets), expected)
+    assert np.isnan(inverted(np.full(4, np.nan), targets)).all()
+
+
+def test_the_reference_is_the_first_axis_and_the_most_central_follow() -> None:
+    central = np.array([0.3, 0.9, 0.5, 0.7, 0.1])
+    assert axes_of(2, central, most=3) == [2, 1, 3]
+    assert axes_of(1, central[:2]) == [1, 0]
+
+
+CENTRAL, COVERING = np.array([0.52, 0.50, 0.45, 0.20]), np.array([0.90, 0.98, 0.95, 1.0])
+
+
+def chosen(central: np.ndarray, covering: np.ndarray, eligible: list[bool]) -> int:
+    """Of videos whose pace is alike."""
+    return chosen_reference(central, np.full(4, 0.2), covering, eligible)
+
+
+def test_it_shows_most_among_the_central_videos_in_any_order() -> None:
+    for order in permutations(range(4)):
+        rows = list(order)
+        assert rows[chosen(CENTRAL[rows], COVERING[rows], [True] * 4)] == 1
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_small_changes_of_centrality_do_not_move_it(seed: int) -> None:
+    change = np.random.default_rng(seed).uniform(-0.04, 0.04, 4)
+    assert chosen(CENTRAL + change, COVERING, [True] * 4) == 1
+
+
+def test_the_most_central_of_videos_that_show_as_much_is_taken() -> None:
+    assert chosen(CENTRAL, np.full(4, 0.95), [True] * 4) == 0
+
+
+def test_only_eligible_videos_are_taken_unless_none_is() -> None:
+    assert chosen(CENTRAL, COVERING, [True, False, True, True]) == 2
+    assert chosen(CENTRAL, COVERING, [False] * 4) == 1
+
+
+def test_coverage_is_the_mean_share_of_each_other_videos_frames() -> None:
+    matched = np.array([[1.0, 0.5], [1.0, 0.5], [0.25, 1.0], [0.75, 1.0], [0.5, 1.0], [0.5, 1.0]])
+    np.testing.assert_allclose(coverage(matched, Blocks((2, 4))), [0.5, 0.5])
+    assert coverage(np.ones((3, 1)), Blocks((3,))) == [0.0]
+
+
+def test_of_videos_that_show_as_much_the_steadiest_is_taken() -> None:
+    covering, steady = np.array([0.95, 0.955, 0.95, 1.0]), np.array([0.5, 0.2, 0.22, 0.0])
+    assert chosen_reference(CENTRAL, steady, covering, [True] * 4) == 1
+    assert chosen_reference(CENTRAL[::-1], steady[::-1], covering[::-1], [True] * 4) == 2
+
+
+def played(paces: list[np.ndarray]) -> PairMaps:
+    """Maps between videos that go through one action at these seconds of it per frame."""
+    times = [np.cumsum(pace) for pace in paces]
+    positions = {
+        (i, j): np.interp(a, b, np.arange(len(b)), left=np.nan, right=np.nan)
+        for i, a in enumerate(times)
+        for j, b in enumerate(times)
+        if i != j
+    }
+    return PairMaps(positions, {pair: np.ones(len(p)) for pair, p in positions.items()})
+
+
+def stalling(rng: np.random.Generator, frames: int) -> np.ndarray:
+    """A third of the time the action stands still for a quarter of a second."""
+    stalls = np.repeat(rng.random(frames // 8) < 0.33, 8)
+    return np.where(stalls, 1e-4, 1.5) / 30
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.25])
+def test_the_pace_that_varies_is_told_from_the_steady_one(rate: float) -> None:
+    rng = np.random.default_rng(3)
+    steady = np.full(round(150 / rate), rate / 30)
+    paces = [stalling(rng, 160), steady, stalling(rng, 152), stalling(rng, 160)]
+    clocks = Clocks([30.0] * 4, np.array([1.0, rate, 1.0, 1.0]))
+    spreads = pace_spread(played(paces), [len(p) for p in paces], clocks)
+    assert spreads.argmin() == 1
+    assert spreads[1] < 0.15
+    assert min(spreads[[0, 2, 3]]) > 0.35
+
+
+def test_of_two_videos_neither_is_said_to_be_the_unsteady_one() -> None:
+    paces = [stalling(np.random.default_rng(1), 160), np.full(150, 1 / 30)]
+    first, second = pace_spread(played(paces), [160, 150], Clocks([30.0] * 2, np.ones(2)))
+    assert first == second > 0.2
+
+
+def test_videos_that_share_nothing_have_no_spread() -> None:
+    apart = {pair: np.full(20, np.nan) for pair in ((0, 1), (1, 0))}
+    maps = PairMaps(apart, {pair: np.zeros(20) for pair in apart})
+    assert not pace_spread(maps, [20, 20], Clocks([30.0] * 2, np.ones(2))).any()
+    assert not pace_spread(PairMaps({}, {}), [20], Clocks([30.0], np.ones(1))).any()

@@ -1,14 +1,26 @@
-"""The choreography and its performances: timing, contact, variation."""
+"""The choreography and its performances, and the demo actions on disk; the tai chi clips' hands."""
+
+from contextlib import nullcontext
+from itertools import islice
 
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from imocap_core.body.model import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.synthetic import choreography
+from imocap_core.errors import WorkFailed
+from imocap_core.executors.tasks import Serial
+from imocap_core.hands.hand_skeleton import hand_skeleton
+from imocap_core.io.readers.json_people import read_openpose, read_openpose_hands
+from imocap_core.io.truth import read_truth
+from imocap_core.io.video import probe
+from imocap_core.pipeline import make_demo as demo
+from imocap_core.pipeline.action import read_action
+from imocap_core.synthetic import choreography, taichi
 from imocap_core.synthetic.yoga import SUN_SALUTATION, local_rotations
-from imocap_core.synthetic.yoga_clip import YOGA_SPANS, make_yoga_clip
+from imocap_core.synthetic.yoga_clip import YOGA_SPANS, DemoClip, make_yoga_clip, pictures
 
 INDEX = {name: i for i, name in enumerate(SMPL_JOINTS)}
 
@@ -124,3 +136,150 @@ def test_a_seed_makes_one_take_and_another_seed_another(clips, shaped):
     assert (again.detections.xy_px == clips[1].detections.xy_px).all()
     assert np.abs(other.joints - clips[1].joints).max() > 0.02
     assert len(YOGA_SPANS) == 4
+
+
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def first_pictures(clips, shaped):
+    return [
+        list(islice(pictures(clip, SEED, index, shaped), 3)) for index, clip in enumerate(clips)
+    ]
+
+
+def _joints_of_pose(true_video, model):
+    """World joints by the truth's pose, shape and place."""
+    R_local = rotations_from_pose(torch.from_numpy(true_video.theta))
+    body = model.shape(torch.from_numpy(true_video.betas))
+    return body.pose(R_local, torch.from_numpy(true_video.trans)).joints.numpy()
+
+
+@pytest.fixture
+def quick(clips, shaped, first_pictures, monkeypatch):
+    """make_demo without spawned workers, with three pictures a video."""
+
+    monkeypatch.setattr(demo, "worker_processes", lambda _: nullcontext(Serial()))
+    monkeypatch.setattr(demo, "make_yoga_clip", lambda seed, index, body: clips[index])
+    monkeypatch.setattr(demo, "demo_body", lambda seed: shaped)
+    monkeypatch.setattr(demo, "pictures", lambda clip, seed, index, body: first_pictures[index])
+
+
+@pytest.mark.long
+def test_readers_find_what_the_clips_contain(quick, clips, shaped, tmp_path):
+    messages: list[str] = []
+    demo.make_demo("yoga", tmp_path / "yoga", SEED, messages.append)
+    assert len(messages) == 4
+    assert [p.name for p in tmp_path.iterdir()] == ["yoga"]  # no leftovers
+
+    action = read_action(tmp_path / "yoga")
+    assert [video.id for video in action.videos] == ["v1", "v2", "v3", "v4"]
+    assert all(video.focal_px is None and video.initial is None for video in action.videos)
+    used = {v.id: np.arange(len(t.joints)) for v, t in zip(action.videos, clips, strict=True)}
+    truth = read_truth(tmp_path / "yoga" / str(action.truth), used)
+    assert truth.phase_end == 180.0
+    for video, clip in zip(action.videos, clips, strict=True):
+        info = probe(action.folder / str(video.video))
+        assert (info.size, info.fps) == (clip.size, clip.fps)
+        detections = read_openpose(action.folder / str(video.keypoints), "body25")
+        assert (detections.frames == np.arange(len(clip.joints))).all()
+        true_video = truth.videos[video.id]
+        np.testing.assert_array_equal(true_video.joints, clip.joints)
+        np.testing.assert_array_equal(true_video.phase, clip.motion.phase)
+        np.testing.assert_allclose(
+            _joints_of_pose(true_video, shaped.model), clip.joints, rtol=0, atol=1e-9
+        )
+        np.testing.assert_array_equal(true_video.R, clip.camera.R_cam_from_world[0])
+        for people, xy, confidence, false_person in zip(
+            detections.people,
+            clip.detections.xy_px,
+            clip.detections.confidence,
+            clip.false_people,
+            strict=True,
+        ):
+            assert len(people) == (1 if false_person is None else 2)
+            detected = confidence > 0
+            gaps = [np.abs(person[detected, :2] - xy[detected]) for person in people]
+            assert np.nanmin([np.max(gap) for gap in gaps]) < 1e-3
+
+
+def test_the_same_seed_writes_the_same_bytes_and_replaces_what_was_there(quick, tmp_path):
+    folder = tmp_path / "yoga"
+
+    def contents() -> dict[str, bytes]:
+        return {
+            str(file.relative_to(folder)): file.read_bytes()
+            for file in folder.rglob("*")
+            if file.is_file()
+        }
+
+    demo.make_demo("yoga", folder, SEED)
+    first = contents()
+    (folder / "stale.txt").write_text("from an older run")
+    demo.make_demo("yoga", folder, SEED)
+    assert contents() == first
+    assert len(first) > 600
+
+
+def test_a_failing_run_leaves_nothing_behind(quick, tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(demo, "write_h264", broken)
+    with pytest.raises(WorkFailed, match="disk full"):
+        demo.make_demo("yoga", tmp_path / "yoga", SEED)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_demos_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"expected one of yoga, taichi, got 'tennis'"):
+        demo.make_demo("tennis", tmp_path / "tennis", SEED)
+
+
+CLIP = 2  # of the four
+
+
+@pytest.fixture(scope="module")
+def clip() -> DemoClip:
+    return taichi.make_taichi_clip(SEED, CLIP, taichi.taichi_body(SEED))
+
+
+def test_the_form_has_hands_at_every_key_within_their_ranges() -> None:
+    assert len(taichi.HANDS) == len(taichi.TAI_CHI)
+    assert {name for pair in taichi.HANDS for name in pair} == set(taichi.HAND_POSES)
+    skeleton = hand_skeleton(taichi.taichi_body(SEED))
+    for pose in taichi.HAND_POSES.values():
+        assert (np.deg2rad(pose) <= skeleton.upper.numpy() + 1e-9).all()
+        assert (np.deg2rad(pose) >= skeleton.lower.numpy() - 1e-9).all()
+
+
+def test_hands_hang_on_the_wrists_and_close(clip: DemoClip) -> None:
+    wrists = clip.joints[:, [SMPL_JOINTS.index(f"{s}_wrist") for s in ("left", "right")]]
+    assert np.abs(clip.hands.points_m[:, :, 0] - wrists).max() < 1e-6
+    reach = np.linalg.norm(clip.hands.points_m[:, :, 12] - clip.hands.points_m[:, :, 0], axis=-1)
+    assert (reach.max(axis=0) > 1.8 * reach.min(axis=0)).all()  # from open hands to fists
+
+
+def test_the_planted_foot_stays_and_the_person_is_in_the_picture(clip: DemoClip) -> None:
+    ball = clip.joints[:, SMPL_JOINTS.index("right_foot")]
+    assert np.ptp(ball, axis=0).max() < 0.08
+    assert (clip.xy_px > 0).all()
+    assert (clip.xy_px < taichi.SIZE).all()
+
+
+def test_the_same_seed_gives_the_same_hands(clip: DemoClip) -> None:
+    again = taichi.make_taichi_clip(SEED, CLIP, taichi.taichi_body(SEED))
+    assert np.array_equal(clip.hands.detections.xy_px, again.hands.detections.xy_px)
+
+
+def test_readers_find_the_hands_with_the_performer(clip: DemoClip, tmp_path) -> None:
+    demo.write_keypoints(tmp_path / "v3", "v3", clip)
+    frames = np.arange(taichi.TAICHI_SPANS[CLIP].frames)
+    assert len(read_openpose(tmp_path / "v3", "body25").frames) == len(frames)
+    body = np.where(clip.detections.confidence[..., None] > 0, clip.detections.xy_px, np.nan)
+    hands = read_openpose_hands(tmp_path / "v3", frames, body)
+    expected = clip.hands.detections
+    assert np.allclose(hands[1], expected.confidence, atol=1e-4)
+    visible = expected.confidence > 0
+    assert 0.6 < visible.mean() < 0.99
+    assert np.allclose(hands[0][visible], expected.xy_px[visible], atol=1e-4)

@@ -1,9 +1,12 @@
-"""What `make` installs is pinned, with hashes and a licence; nothing here asks the network."""
+"""What `make` installs is pinned, with hashes and a licence; what is installed is enough to
+work."""
 
 import re
+import zipfile
 from pathlib import Path
 
 import pytest
+from hatchling.builders.wheel import WheelBuilder
 
 from tools import audit, make_licence_table
 
@@ -57,3 +60,29 @@ def test_an_audit_that_was_not_made_is_no_success(dependencies, line, code):
     lines, exit_code = audit.outcome(dependencies)
     assert line in lines[0]
     assert exit_code == code
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    folder = tmp_path_factory.mktemp("wheel")
+    (built,) = WheelBuilder(str(ROOT)).build(directory=str(folder), versions=["standard"])
+    return zipfile.ZipFile(built)
+
+
+def test_the_defaults_are_inside(wheel: zipfile.ZipFile) -> None:
+    assert wheel.read("imocap_core/pipeline.yaml") == (ROOT / "pipeline.yaml").read_bytes()
+
+
+def test_code_and_data_are_inside(wheel: zipfile.ZipFile) -> None:
+    inside = set(wheel.namelist())
+    for package, place in {"imocap": "", "imocap_core": "", "stages": "imocap_core/"}.items():
+        files = {p.relative_to(ROOT).as_posix() for p in (ROOT / package).rglob("*.*")}
+        assert {place + file for file in files if "__pycache__" not in file} <= inside
+    assert "imocap_core/body/data/free_body.npz" in inside
+
+
+def test_nothing_else_is(wheel: zipfile.ZipFile) -> None:
+    tops = {name.split("/")[0] for name in wheel.namelist()}
+    assert {t for t in tops if not t.endswith(".dist-info")} == {"imocap", "imocap_core"}
+    (notices,) = (n for n in wheel.namelist() if n.endswith("licenses/NOTICE"))
+    assert b"CC0" in wheel.read(notices)
