@@ -1,4 +1,5 @@
-"""The joint motion's problem on a made scene, and the way back to artifacts."""
+"""The joint motion's problem on a made scene, mirrored and excluded videos, and the way back to
+artifacts."""
 
 from dataclasses import replace
 
@@ -6,14 +7,26 @@ import numpy as np
 import pytest
 import torch
 
+from imocap_core import rotations
 from imocap_core.adapters.hypotheses import choose_alternatives, chosen_motions
 from imocap_core.adapters.joint import JointProblem, problem_of, shows_one_motion
 from imocap_core.adapters.participants import (
+    Participants,
+    known_mirrors,
+    mirrored_camera,
     mirrored_detections,
     mirrored_keypoints,
     mirrored_motion,
+    participants_of,
 )
-from imocap_core.artifacts.schemas import AlternativeMotion, Keypoints, SmplBa, SyncMap, SyncTrust
+from imocap_core.artifacts.schemas import (
+    AlternativeMotion,
+    Camera,
+    Keypoints,
+    SmplBa,
+    SyncMap,
+    SyncTrust,
+)
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.repair import LEGS
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
@@ -197,3 +210,107 @@ def test_without_alternatives_nothing_is_chosen_or_said() -> None:
     chosen = choose_alternatives(made.initial, made.keypoints, [None, None])
     assert chosen.names == {}
     assert chosen.notes == []
+
+
+@pytest.fixture(scope="module")
+def four() -> Made:
+    return Made(count=4, frames=24)
+
+
+def participants(four: Made, **decided: list[str]) -> Participants:
+    sync = four.sync.model_copy(update=decided)
+    return participants_of(four.keypoints, four.camera_motion, four.initial, sync, four.model)
+
+
+def test_a_file_that_is_shown_in_a_mirror_is_mirrored_unless_declared(four: Made) -> None:
+    first, *others = four.keypoints.videos
+    shown = first.model_copy(update={"mirrored": True})
+    keypoints = four.keypoints.model_copy(update={"videos": [shown, *others]})
+    nothing = {video.id: None for video in keypoints.videos}
+    assert known_mirrors(nothing, keypoints) == [True, None, None, None]
+    declared = {**nothing, first.id: False, others[0].id: True}
+    assert known_mirrors(declared, keypoints) == [False, True, None, None]
+
+
+def test_without_anything_to_do_nothing_is_done(four: Made) -> None:
+    work = participants(four)
+    assert work.keypoints.videos == four.keypoints.videos
+    assert work.initial.videos == four.initial.videos
+    assert work.as_filmed(four.single) is four.single
+
+
+def test_a_reflected_motion_is_the_reflection_of_its_joints(four: Made) -> None:
+    motion = four.true[1]
+    turned = mirrored_motion(motion, four.model)
+    posed = four.model.shape(torch.as_tensor(turned.betas)).pose(
+        rotations.exp(torch.as_tensor(turned.theta.reshape(-1, 24, 3))),
+        torch.as_tensor(turned.trans),
+    )
+    assert np.abs(posed.joints.numpy() - turned.joints).max() < 0.004  # the body is nearly even
+    left, right = (SMPL_JOINTS.index(f"{side}_wrist") for side in ("left", "right"))
+    np.testing.assert_array_equal(turned.joints[:, left, 0], -motion.joints[:, right, 0])
+    back = mirrored_motion(turned, four.model)
+    np.testing.assert_allclose(back.theta, motion.theta, atol=1e-12)
+    np.testing.assert_allclose(back.trans, motion.trans, atol=1e-12)
+
+
+def test_reflected_detections_are_where_the_reflected_joints_are(four: Made) -> None:
+    video, camera = four.keypoints.videos[0], four.camera_motion.videos[0]
+    turned = mirrored_keypoints(video, K)
+    back = mirrored_keypoints(turned, K)
+    np.testing.assert_allclose(back.xy_px, video.xy_px, atol=1e-9)
+    np.testing.assert_allclose(back.person_box_px, video.person_box_px, atol=1e-9)
+    assert (turned.person_box_px[:, 0] <= turned.person_box_px[:, 2]).all()
+    warped = mirrored_detections(camera, video.layout)
+    np.testing.assert_array_equal(warped.xy_first_px, turned.xy_px)
+
+
+def test_a_reflected_camera_films_the_reflected_world() -> None:
+    R = rotations.exp(torch.tensor([0.3, -0.5, 0.2], dtype=torch.float64)).numpy()
+    camera = Camera(id="a", K=K, R=R, t=np.array([0.1, 0.2, 3.0]))
+    turned = mirrored_camera(camera)
+    point, S = np.array([0.4, -0.3, 1.0]), np.array([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(np.linalg.det(turned.R), 1.0)
+    np.testing.assert_allclose(turned.R @ (S * point) + turned.t, S * (R @ point + camera.t))
+
+
+def test_excluded_videos_stay_out_and_keep_their_monocular_motion(four: Made) -> None:
+    work = participants(four, excluded=["v2"])
+    assert [v.id for v in work.keypoints.videos] == ["v1", "v3", "v4"]
+    assert work.sync(four.sync).ids == ["v1", "v3", "v4"]
+    part = four.single.model_copy(
+        update={
+            "videos": [v for v in four.single.videos if v.id != "v2"],
+            "cameras": [c for c in four.single.cameras if c.id != "v2"],
+        }
+    )
+    whole = work.as_filmed(part)
+    assert [v.id for v in whole.videos] == [c.id for c in whole.cameras] == four.ids
+    np.testing.assert_array_equal(whole.videos[1].theta, four.initial.videos[1].theta)
+    np.testing.assert_array_equal(whole.cameras[1].R, np.eye(3))
+
+
+def test_cameras_come_back_into_the_world_of_the_joint_motion(four: Made) -> None:
+    work = participants(four, mirrored=["v2"], excluded=["v4"])
+    solved = four.single.model_copy(
+        update={"videos": four.single.videos[:3], "cameras": four.single.cameras[:3]}
+    )
+    back = work.cameras(work.as_filmed(solved).cameras)
+    assert [c.id for c in back] == ["v1", "v2", "v3"]
+    for camera, before in zip(back, solved.cameras, strict=True):
+        np.testing.assert_allclose(camera.R, before.R, atol=1e-12)
+        np.testing.assert_allclose(camera.t, before.t, atol=1e-12)
+
+
+def test_joints_and_covariances_come_back_as_filmed(four: Made) -> None:
+    work = participants(four, mirrored=["v2"], excluded=["v4"])
+    solved = [v.joints for v in work.initial.videos]
+    for joints, filmed in zip(work.filmed_joints(solved), four.initial.videos, strict=True):
+        np.testing.assert_allclose(joints, filmed.joints, atol=1e-12)
+    spread = np.random.default_rng(0).normal(size=(5, 24, 3, 3))
+    assert work.filmed_covariance("v1", spread) is spread
+    turned = work.filmed_covariance("v2", spread)
+    np.testing.assert_array_equal(work.filmed_covariance("v2", turned), spread)
+    left, right = (SMPL_JOINTS.index(f"{side}_wrist") for side in ("left", "right"))
+    S = np.diag([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(turned[:, left], S @ spread[:, right] @ S)

@@ -16,6 +16,7 @@ from imocap_core.compare.compare import describe, pair_angles, pair_on_one_axis,
 from imocap_core.compare.parts import LIKELY, Chance, chance_of, pair_findings
 from imocap_core.compare.technique_report import write_pair, write_technique
 from imocap_core.errors import WorkFailed
+from imocap_core.library.result import Result
 from imocap_core.params import SyncParams
 from imocap_core.technique import largest
 from tests.pipeline.made_result import PHASES, Made, keypoints, made_result, refined
@@ -36,6 +37,17 @@ def swung(found: RefineSync, degrees: float) -> RefineSync:
         videos.append(v.model_copy(update={"theta": theta}))
     motion = found.motion.model_copy(update={"videos": videos})
     return found.model_copy(update={"motion": motion})
+
+
+def of_two_performers(made: Made, degrees: float) -> Result:
+    """Ann performs in `a`; Bo, in `b`, lifts the left arm by some degrees more."""
+    both = [
+        keypoints(video).model_copy(update={"performer": name})
+        for video, name in (("a", "Ann"), ("b", "Bo"))
+    ]
+    made.publish("keypoints", Keypoints(videos=both))
+    made.publish("refine_sync", swung(refined(PHASES), degrees))
+    return made.result()
 
 
 def rms(spread: np.ndarray) -> np.ndarray:
@@ -115,14 +127,7 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
 
 
 def test_two_performers_of_one_action(made: Made) -> None:
-    """The second one lifts the arm by 10 degrees more."""
-    both = [
-        keypoints(video).model_copy(update={"performer": name})
-        for video, name in (("a", "Ann"), ("b", "Bo"))
-    ]
-    made.publish("keypoints", Keypoints(videos=both))
-    made.publish("refine_sync", swung(refined(PHASES), 10.0))
-    result = made.result()
+    result = of_two_performers(made, 10.0)
     assert result["a"].performer == "Ann"
     assert compare.performers_of(result) == ["Ann", "Bo"]
     first, second = (

@@ -5,12 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.compare.compare import describe, pair_angles, pair_on_one_axis, performances_of
 from imocap_core.compare.parts import chance_of, pair_findings
 from imocap_core.compare.technique_report import pair_page
-from tests.compare.test_compare import swung
-from tests.pipeline.made_result import PHASES, keypoints, made_result, refined
+from tests.compare.test_compare import of_two_performers
+from tests.pipeline.made_result import made_result
 from tests.report.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
@@ -20,14 +19,7 @@ LEFT_ARM = (16, 18, 20)  # shoulder, elbow, wrist
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> str:
-    made = made_result(tmp_path_factory.mktemp("made"))
-    both = [
-        keypoints(video).model_copy(update={"performer": name})
-        for video, name in (("a", "Ann"), ("b", "Bo"))
-    ]
-    made.publish("keypoints", Keypoints(videos=both))
-    made.publish("refine_sync", swung(refined(PHASES), 20.0))
-    result = made.result()
+    result = of_two_performers(made_result(tmp_path_factory.mktemp("made")), 20.0)
     first, second = (describe(performances_of(result, performer=p)) for p in ("Ann", "Bo"))
     pair = pair_on_one_axis(first, second)
     angles = pair_angles(pair)

@@ -1,10 +1,24 @@
-"""People keep their names through crossings, gaps and false detections; the performer is chosen."""
+"""People keep their names through crossings, gaps and false detections; the performer is chosen, as
+who does what is done in the other videos too."""
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.people import appearance, tracking
-from imocap_core.people.performer import performer_of, ranked_tracks
+from imocap_core.people.performer import (
+    FramePlace,
+    SeenMotion,
+    choose_by_agreement,
+    declared_performer,
+    performer_of,
+    pose_set_distances_m,
+    ranked_tracks,
+    rivals,
+    row_at_place,
+    row_of_number,
+)
 
 SIZE, FPS = (640, 360), 30.0
 OFFSETS = np.random.default_rng(0).uniform(-1, 1, size=(17, 2)) * [25, 60]
@@ -172,13 +186,8 @@ def test_a_second_detection_of_somebody_takes_nobody_over():
     assert performer.presence == 1.0
 
 
-SHAPE = np.random.default_rng(0).uniform(-1, 1, (17, 2)) * [25, 60]
 RED, BLUE = (200, 40, 40), (40, 60, 200)
 FRAMES = range(60)
-
-
-def pose(x: float) -> np.ndarray:
-    return np.concatenate([[x, 180] + SHAPE, np.full((17, 1), 0.8)], axis=1)
 
 
 def picture(people: list[tuple[float, tuple[int, int, int]]], seed: int) -> np.ndarray:
@@ -206,7 +215,7 @@ def appearances_of(track: tracking.PersonTrack, shown: list[np.ndarray]) -> dict
 
 def test_other_clothes_look_other() -> None:
     shown = [picture([(150, RED)], s) for s in (0, 1)] + [picture([(150, BLUE)], 2)]
-    red, again, blue = (appearance.appearance_of(x, pose(150)) for x in shown)
+    red, again, blue = (appearance.appearance_of(x, person(150, 180)) for x in shown)
     assert appearance.appearance_distance(red, again) < 0.2
     assert appearance.appearance_distance(red, blue) > 0.6
     assert appearance.appearance_distance(red, blue) == appearance.appearance_distance(blue, red)
@@ -216,14 +225,16 @@ def test_other_clothes_look_other() -> None:
 def test_ends_are_swapped_after_a_meeting_that_motion_got_wrong() -> None:
     x, shown = film()
     turned = [p if t < 30 else p[::-1] for t, p in zip(FRAMES, x, strict=True)]
-    wrong = [tracking.PersonTrack(list(FRAMES), [pose(p[k]) for p in turned]) for k in (0, 1)]
+    wrong = [
+        tracking.PersonTrack(list(FRAMES), [person(p[k], 180) for p in turned]) for k in (0, 1)
+    ]
     assert len(appearance.meetings(*wrong)) == 1
     tracks, appearances = appearance.swap_after_meetings(
         wrong, [appearances_of(t, shown) for t in wrong]
     )
     for k, track in enumerate(tracks):
         after = appearance.meetings(*wrong)[0][1] + 1
-        right = [pose(p[k]) for p in x]
+        right = [person(p[k], 180) for p in x]
         np.testing.assert_array_equal(np.stack(track.poses[after:]), np.stack(right[after:]))
         assert track.frames == list(FRAMES)
         assert sorted(appearances[k]) == [f for f in FRAMES if f % 3 == 0]
@@ -231,7 +242,7 @@ def test_ends_are_swapped_after_a_meeting_that_motion_got_wrong() -> None:
 
 def test_right_tracks_stay() -> None:
     x, shown = film()
-    right = [tracking.PersonTrack(list(FRAMES), [pose(p[k]) for p in x]) for k in (0, 1)]
+    right = [tracking.PersonTrack(list(FRAMES), [person(p[k], 180) for p in x]) for k in (0, 1)]
     tracks, _ = appearance.swap_after_meetings(right, [appearances_of(t, shown) for t in right])
     for before, after in zip(right, tracks, strict=True):
         np.testing.assert_array_equal(np.stack(before.poses), np.stack(after.poses))
@@ -244,9 +255,9 @@ def test_who_comes_back_elsewhere_is_joined_by_looks_where_nobody_else_looks_so(
     clothes_of_other, lengths
 ):
     shown = [picture([(150 if t < 25 else 520, RED), (300, clothes_of_other)], t) for t in FRAMES]
-    gone = tracking.PersonTrack(list(range(20)), [pose(150)] * 20)
-    back = tracking.PersonTrack(list(range(40, 60)), [pose(520)] * 20)
-    both = [gone, tracking.PersonTrack(list(FRAMES), [pose(300)] * 60), back]
+    gone = tracking.PersonTrack(list(range(20)), [person(150, 180)] * 20)
+    back = tracking.PersonTrack(list(range(40, 60)), [person(520, 180)] * 20)
+    both = [gone, tracking.PersonTrack(list(FRAMES), [person(300, 180)] * 60), back]
     tracks, _ = appearance.join_by_appearance(both, [appearances_of(t, shown) for t in both])
     assert [len(t.frames) for t in tracks] == lengths
     assert tracks[0].frames == [*range(20), *(range(40, 60) if len(tracks) == 2 else ())]
@@ -291,3 +302,125 @@ def test_who_stays_away_a_somersault_and_one_wrong_hip_are_no_lost_frames():
     wrong_hip = tilted(np.full(90, 90.0)) + 150.0 * np.eye(90 * 4)[50 * 4 + 2].reshape(90, 4, 1)
     right = (lies_down, somersault, wrong_hip)
     assert not any(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS).any() for xy in right)
+
+
+def motion(seed: int, frames: int = 50) -> np.ndarray:
+    """(T, 24, 3): a pose that goes through a cycle of its own."""
+    rng = np.random.default_rng(seed)
+    rest, first, second = rng.normal(0, 0.3, (3, 24, 3))
+    phase = np.linspace(0, 2 * np.pi, frames)[:, None, None]
+    return rest + 0.5 * np.cos(phase) * first + 0.5 * np.sin(phase) * second
+
+
+def seen(joints: np.ndarray) -> SeenMotion:
+    """A motion all of whose joints are seen."""
+    return SeenMotion(joints, np.ones(joints.shape[:2]))
+
+
+def view_of(seed: int, view: int, frames: int = 50, noise: float = 0.01) -> SeenMotion:
+    """The same from another side, with noise."""
+    rng = np.random.default_rng([seed, view])
+    turn = Rotation.random(random_state=view).as_matrix()
+    return seen(motion(seed, frames) @ turn.T + rng.normal(0, noise, (frames, 24, 3)))
+
+
+def test_a_larger_stranger_is_not_the_performer() -> None:
+    """One video shows somebody with a larger score who does something else."""
+    scores = [[1.0, 0.6], [1.0], [1.0]]
+    poses = [[view_of(8, 0), view_of(1, 1)], [view_of(1, 2, 41)], [view_of(1, 3, 63)]]
+    assert choose_by_agreement(scores, poses) == [1, 0, 0]
+
+
+def test_somebody_who_stands_by_in_every_video_does_not_perform() -> None:
+    """Nearer to each other than the performers are, because nothing moves."""
+    rng = np.random.default_rng(3)
+    still = motion(9)[:1] + rng.normal(0, 0.01, (3, 50, 24, 3))
+    offsets = rng.normal(0, 0.02, (3, 24, 3))
+    poses = [[seen(still[v]), seen(view_of(1, v).joints_m + offsets[v])] for v in range(3)]
+    standing, performing = (pose_set_distances_m(poses[0][k], poses[1][k])[0] for k in (0, 1))
+    assert standing < 0.8 * performing
+    assert choose_by_agreement([[1.0, 0.9]] * 3, poses) == [1, 1, 1]
+
+
+def test_the_larger_of_two_who_do_the_same_performs() -> None:
+    poses = [[view_of(1, 0), view_of(1, 1)], [view_of(1, 2)]]
+    assert choose_by_agreement([[1.0, 0.6], [1.0]], poses) == [0, 0]
+
+
+def test_what_a_detector_guesses_of_hidden_limbs_does_not_count() -> None:
+    """The performer's legs are hidden in a third of each video, and guessed otherwise each time; a
+    bystander in full view moves a little, alike in all."""
+    legs = [k for k, name in enumerate(SMPL_JOINTS) if "knee" in name or "ankle" in name]
+    poses = []
+    for v, first in enumerate((0, 15, 30)):
+        performer = view_of(1, v, noise=0.05)
+        hidden = np.ix_(range(first, first + 20), legs)
+        performer.joints_m[hidden] += np.random.default_rng(v).normal(0, 0.4, (20, len(legs), 3))
+        performer.visibility[hidden] = 0.02
+        poses.append([performer, view_of(2, v, noise=0.05)])
+    blind = [[seen(performer.joints_m), other] for performer, other in poses]
+    assert choose_by_agreement([[1.0, 0.8]] * 3, blind) == [1, 1, 1]
+    assert choose_by_agreement([[1.0, 0.8]] * 3, poses) == [0, 0, 0]
+
+
+def test_all_ways_and_one_at_a_time_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    scores = [[1.0, 0.8], [1.0, 0.9], [1.0], [1.0, 0.5]]
+    poses = [[view_of(7, 0), view_of(1, 1)], [view_of(1, 2), view_of(6, 3)], [view_of(1, 4)],
+             [view_of(5, 5), view_of(1, 6)]]  # fmt: skip
+    every = choose_by_agreement(scores, poses)
+    monkeypatch.setattr("imocap_core.people.performer.MAX_COMBINATIONS", 1)
+    assert every == choose_by_agreement(scores, poses) == [1, 0, 0, 1]
+
+
+def test_one_video_alone_takes_the_score() -> None:
+    assert choose_by_agreement([[1.0, 0.9]], [[view_of(1, 0), view_of(2, 0)]]) == [0]
+
+
+def test_distance_of_sets_is_symmetric_and_blind_to_sides_and_order() -> None:
+    a, b = view_of(1, 0), view_of(2, 1)
+    assert pose_set_distances_m(a, b) == pytest.approx(pose_set_distances_m(b, a))
+    turned = seen(a.joints_m[::-1] @ Rotation.random(random_state=3).as_matrix().T)
+    assert pose_set_distances_m(turned, b) == pytest.approx(pose_set_distances_m(a, b), rel=1e-6)
+    assert pose_set_distances_m(a, a)[0] < 1e-6
+    moving, still = pose_set_distances_m(a, b)
+    assert moving < still
+    alone = (seen(motion.joints_m[:1]) for motion in (a, b))
+    assert len(set(pose_set_distances_m(*alone))) == 1  # a pose alone is still
+
+
+def test_only_those_near_the_best_are_thought_of() -> None:
+    assert rivals([1.0, 0.5, 0.41, 0.3]) == [0, 1, 2]
+
+
+PEOPLE = [
+    np.stack([person(150, 180, wave=20 * np.sin(0.3 * t)), person(450, 180)]) for t in range(60)
+]
+RANKED = ranked_tracks(PEOPLE, (640, 360), 30.0, min_confidence=0.05)
+
+
+def x_of(row: int) -> float:
+    return float(np.nanmean(declared_performer(RANKED, row, PEOPLE).xy_px[:, 5:, 0]))
+
+
+def test_by_number() -> None:
+    assert x_of(row_of_number(RANKED, 1)) == pytest.approx(150, abs=20)
+    assert x_of(row_of_number(RANKED, 2)) == pytest.approx(450, abs=20)
+    with pytest.raises(ValueError, match="track: expected 1 to 2, got 3"):
+        row_of_number(RANKED, 3)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        FramePlace(10, point_px=(640, 20)),
+        FramePlace(10, box_px=(0, 0, 20, 20)),
+        FramePlace(99, (150, 180)),
+    ],
+)
+def test_an_error_lists_who_is_in_the_frame(place: FramePlace) -> None:
+    with pytest.raises(ValueError, match=r"got nobody; in that frame there are: (track 1 at|none)"):
+        row_at_place(RANKED, place)
+
+
+def test_the_note_names_the_declaration() -> None:
+    assert "as action.yaml declares" in declared_performer(RANKED, 1, PEOPLE).note

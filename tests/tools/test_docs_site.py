@@ -1,5 +1,5 @@
 """The pages of the documentation: linked to each other rightly, all of them in the site; what
-docs/paper.md names exists."""
+docs/paper.md and the picture of the architecture show exists."""
 
 import importlib
 import os
@@ -7,9 +7,11 @@ import re
 import shutil
 import subprocess
 import tomllib
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import grimp
 import pytest
 import yaml
 from typer.main import get_command
@@ -20,6 +22,8 @@ from imocap_core.params import Params
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.version import __version__
 from tools import docs_hooks as hooks
+from tools import make_architecture_picture as tool
+from tools.make_architecture_picture import TARGET, RoomBox, StageBox, names_in
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -241,3 +245,62 @@ def test_what_does_not_exist_is_noticed() -> None:
         check_row("`sync.warp.dtw.dtw`", "sync", "tests/sync/test_dtw.py, test_gone.py", "–")
     with pytest.raises(LookupError, match="no such parameter"):
         check_row("`sync.warp.dtw.dtw`", "sync", "tests/sync/test_dtw.py", "`sync.gone`")
+
+
+ADVICE = "run: python -m tools.make_architecture_picture"
+
+
+@pytest.fixture(scope="module")
+def bands() -> list[list[RoomBox]]:
+    return tool.rooms_of_code()
+
+
+@pytest.fixture(scope="module")
+def stages() -> list[StageBox]:
+    return tool.stages_of_code()
+
+
+def lines_in(drawing: str) -> int:
+    (total,) = re.findall(r"lines of Python, ([\d,]+) in all", drawing)
+    return int(total.replace(",", ""))
+
+
+def test_the_committed_picture_shows_the_code(stages, bands):
+    committed = TARGET.read_text(encoding="utf-8")
+    assert names_in(committed, "stage") == [stage.name for stage in stages], ADVICE
+    assert names_in(committed, "artifact") == [stage.artifact for stage in stages], ADVICE
+    assert names_in(committed, "room") == [room.name for room in chain(*bands)], ADVICE
+    total = sum(room.lines for room in chain(*bands))
+    assert lines_in(committed) == pytest.approx(total, rel=0.1), ADVICE
+
+
+def test_the_same_code_gives_the_same_bytes(stages, bands):
+    drawing = tool.picture(stages, bands)
+    assert drawing == tool.picture(tool.stages_of_code(), tool.rooms_of_code())
+
+
+def test_the_page_says_the_way_from_a_stage_to_the_residual_as_the_code_calls() -> None:
+    page = tool.PAGE.read_text(encoding="utf-8")
+    assert tool.chain_of_code() in page, ADVICE
+    assert tool.page_with_chain(page) == page
+    assert len(tool.CHAIN) == 5
+
+
+def test_a_way_that_the_code_does_not_call_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tool, "CHAIN", (*tool.CHAIN[:2], tool.CHAIN[4], tool.CHAIN[3]))
+    with pytest.raises(ValueError, match="does not lead to add_to"):
+        tool.chain_of_code()
+
+
+def test_every_import_leads_to_a_later_room(bands: list[list[RoomBox]]) -> None:
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    order = {room.name: place for place, room in enumerate(chain(*bands))}
+    graph = grimp.build_graph(*contract["root_packages"], cache_dir=None)
+    rooms = {m: m.removeprefix("imocap_core.").split(".")[0] for m in graph.modules}
+    wrong = {
+        f"{rooms[module]} imports {rooms[other]}"
+        for module in graph.modules
+        for other in graph.find_modules_directly_imported_by(module)
+        if order.get(rooms[module], 0) > order.get(rooms[other], len(order))
+    }
+    assert wrong == set()
