@@ -152,6 +152,14 @@ def ground_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_words_of_pytest() -> Iterator[None]:
+    """The command line reads the words of its process, too: here there are none."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["imocap"])
+        yield
+
+
 @pytest.fixture
 def unchecked_shapes() -> Iterator[None]:
     """Annotations unchecked, for tests of a function's own checks of its arguments."""

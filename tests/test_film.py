@@ -100,21 +100,15 @@ def test_the_commands_say_where_things_are_or_what_is_wrong(made, tmp_path, caps
     job = stored_job(tmp_path, made)
     out = tmp_path / "films"
     words = ["video", NAME, "--root", str(tmp_path), "--kind", "side-by-side", "--out", str(out)]
-    assert _imocap(words) == 0
+    assert main(words) == 0
     assert str(out / "side_by_side.mp4") in capsys.readouterr().out
-    assert _imocap(["report", NAME, "--root", str(tmp_path)]) == 0
+    assert main(["report", NAME, "--root", str(tmp_path)]) == 0
     assert "report.html" in capsys.readouterr().out
-    assert _imocap([*words, "--opacity", "2"]) == 2
+    assert main([*words, "--opacity", "2"]) == 2
     capsys.readouterr()
     job.store.current(NAME, "sync").unlink()
-    assert _imocap(["report", NAME, "--root", str(tmp_path)]) == 1
+    assert main(["report", NAME, "--root", str(tmp_path)]) == 1
     assert (
         "(smpl_ba: input: sync is gone). Bring them up to date: imocap run waving"
         in capsys.readouterr().err
     )
-
-
-def _imocap(words: list[str]) -> int:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", ["imocap"])
-        return main(words)

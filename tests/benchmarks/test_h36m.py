@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.actions import h36m
 from benchmarks.actions.captured_videos import Choice
-from benchmarks.actions.h36m import FILE_2D, FILE_3D, H36M_17, read_h36m, resect
+from benchmarks.actions.h36m import FILE_3D, H36M_17, read_h36m, resect
 from benchmarks.actions.prepare import chosen_names
 from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, COCO18, place_camera
 from imocap_core.camera.projection import intrinsics, project
@@ -16,6 +16,7 @@ from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.errors import WrongUse
 from imocap_core.io.array_files import read_object
 from tests.benchmarks.test_synthetic import figure
+from tests.io.made_keypoints import write_positions
 
 FRAMES = 320
 
@@ -85,12 +86,7 @@ def test_detections_are_named_as_coco_names_them() -> None:
 
 def write_h36m(folder: Path, tree_3d: dict, tree_2d: dict) -> None:
     np.savez_compressed(folder / FILE_3D, positions_3d=np.array(tree_3d, dtype=object))
-    metadata = {"layout_name": "h36m", "num_joints": 17, "keypoints_symmetry": [[4], [1]]}
-    np.savez_compressed(
-        folder / FILE_2D,
-        positions_2d=np.array(tree_2d, dtype=object),
-        metadata=np.array(metadata, dtype=object),
-    )
+    write_positions(folder, tree_2d, "h36m")
 
 
 def test_joints_are_the_seventeen_that_move_and_lengths_the_shorter(tmp_path: Path) -> None:

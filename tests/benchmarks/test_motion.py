@@ -237,7 +237,6 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(tmp_path, monkeypatch
 )
 def test_exit_codes(words, code, message, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(inputs.DATA_VARIABLE, str(tmp_path))
-    monkeypatch.setattr("sys.argv", ["imocap"])
     assert main(["--root", str(tmp_path), *words]) == code
     assert message in capsys.readouterr().err
 

@@ -165,7 +165,6 @@ def test_a_new_action_is_served_until_done_or_ctrl_c(tmp_path, capsys, monkeypat
 
     monkeypatch.setattr("webbrowser.open", open_in_browser)
     monkeypatch.setenv("BROWSER", "one")
-    monkeypatch.setattr("sys.argv", ["imocap"])
     code = main(["--root", str(tmp_path), "pick", "made", *map(str, videos)])
     shown = capsys.readouterr()
     assert code == 0, shown.err
@@ -175,8 +174,7 @@ def test_a_new_action_is_served_until_done_or_ctrl_c(tmp_path, capsys, monkeypat
     assert (tmp_path / "actions" / "made" / "action.yaml").is_file()
 
 
-def test_an_action_that_does_not_exist_is_a_sentence(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["imocap"])
+def test_an_action_that_does_not_exist_is_a_sentence(tmp_path, capsys):
     assert main(["--root", str(tmp_path), "pick", "nowhere", "--no-open"]) == 2
     assert "no action 'nowhere'" in capsys.readouterr().err
 

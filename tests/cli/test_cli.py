@@ -10,7 +10,7 @@ import subprocess
 import sys
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import pytest
 import typer
@@ -27,10 +27,6 @@ from imocap_core.pipeline.source import PROJECT
 from imocap_core.sync_sources import ascii_name
 from tests.io.made_videos import write_video
 from tests.pipeline.conftest import Toy
-
-if TYPE_CHECKING:
-    from tests.pipeline.conftest import Toy
-
 
 Capture = pytest.CaptureFixture[str]
 

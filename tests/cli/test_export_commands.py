@@ -35,10 +35,9 @@ def made(tmp_path: Path) -> Made:
 
 
 @pytest.fixture
-def imocap(tmp_path, made, capsys, monkeypatch):
+def imocap(tmp_path, made, capsys):
     def run(*words: str) -> Said:
-        monkeypatch.setattr("sys.argv", ["imocap", *words])
-        code = main(["--root", str(tmp_path)])
+        code = main(["--root", str(tmp_path), *words])
         message = capsys.readouterr()
         return code, message.out, message.err
 

@@ -50,9 +50,7 @@ def made_small() -> Made:
 
 
 @pytest.fixture
-def imocap(folder, capsys, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["imocap"])
-
+def imocap(folder, capsys):
     def call(*words: str) -> tuple[int, str]:
         code = main(["--root", str(folder), *words])
         shown = capsys.readouterr()

@@ -7,14 +7,11 @@ import json
 import shutil
 import sys
 from collections import Counter
-from typing import TYPE_CHECKING
 
 import pytest
 
 from imocap_core.artifacts.store import Store
-
-if TYPE_CHECKING:
-    from tests.pipeline.conftest import Toy
+from tests.pipeline.conftest import Toy
 
 Capture = pytest.CaptureFixture[str]
 HAS_DASK = importlib.util.find_spec("distributed") is not None

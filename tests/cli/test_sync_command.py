@@ -36,9 +36,8 @@ def made() -> Made:
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def run(tmp_path: Path):
     """`imocap sync WORDS` in a fresh working folder; its exit code."""
-    monkeypatch.setattr("sys.argv", ["imocap"])
     return lambda *words: main(["sync", *map(str, words), "--root", str(tmp_path)])
 
 

@@ -1,7 +1,6 @@
 """The best occurrences of every view become videos, and the others have a reason."""
 
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,8 +87,7 @@ EXAMPLE = (0.2, 1.8)  # s
 
 
 def run(*words: object) -> int:
-    sys.argv = ["imocap", *map(str, words)]
-    return main()
+    return main([*map(str, words)])
 
 
 @pytest.fixture(scope="session")

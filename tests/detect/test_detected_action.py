@@ -48,8 +48,7 @@ class Place:
 
 
 @pytest.fixture
-def place(tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
-    monkeypatch.setattr("sys.argv", ["imocap"])
+def place(tmp_path: Path, detector_python: Path) -> Place:
     return Place(tmp_path / "work")
 
 

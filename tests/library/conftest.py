@@ -10,7 +10,6 @@ import yaml
 
 import imocap
 from imocap_core.io.video import write_h264
-from tests.pipeline.conftest import toy  # noqa: F401  (a fixture)
 from tests.report.made import FPS, SIZE, Made
 from tools.chaos.small_action import quick
 

@@ -92,8 +92,7 @@ def test_feet_that_are_locked_do_not_slide(small_run, tmp_path, up):
     assert len(np.load(tmp_path / "mean.npz")["poses"]) == notes["videos"]["mean"]["frames"]
 
 
-def test_locked_feet_are_said(small_run, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["imocap"])
+def test_locked_feet_are_said(small_run, tmp_path, capsys):
     words = ["--out", str(tmp_path), "--root", str(small_run.root), "--video", "v1", "--lock-feet"]
     assert main(["export", "serve", "--format", "npz", *words]) == 0
     message = capsys.readouterr().out.replace("\n", " ")
@@ -108,10 +107,7 @@ def test_locked_feet_are_said(small_run, tmp_path, monkeypatch, capsys):
         (["--video", "v9"], "has no video 'v9'; there are: v1, v2"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(
-    small_run, tmp_path, monkeypatch, capsys, words, sentence
-):
-    monkeypatch.setattr("sys.argv", ["imocap"])
+def test_options_that_do_not_fit_are_refused(small_run, tmp_path, capsys, words, sentence):
     out = ["--out", str(tmp_path), "--root", str(small_run.root)]
     assert main(["export", "serve", *out, *words]) == 2
     assert sentence in capsys.readouterr().err

@@ -334,8 +334,7 @@ def test_events_are_those_of_the_result(small_run: SmallRun, angles: list[Path])
 
 
 @pytest.mark.long
-def test_the_command_replaces_its_files_and_no_others(small_run, angles, tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["imocap"])
+def test_the_command_replaces_its_files_and_no_others(small_run, angles, tmp_path):
     words = ["angles", "serve", "--out", str(tmp_path), "--root", str(small_run.root)]
     for file in angles:
         shutil.copy(file, tmp_path)

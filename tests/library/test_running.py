@@ -101,8 +101,7 @@ def wrong_calls(root: Path) -> list[tuple[Callable[[], object], list[str]]]:
     ]
 
 
-def test_errors_say_what_the_command_line_prints(small_run, capsys, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["imocap"])
+def test_errors_say_what_the_command_line_prints(small_run, capsys):
     for call, words in wrong_calls(small_run.root):
         with pytest.raises(imocap.ImocapError) as caught:
             call()

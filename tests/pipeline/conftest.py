@@ -192,5 +192,4 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
     (made.action / "v2.txt").write_text("2.5")
     monkeypatch.setenv("TOY_ROOT", str(tmp_path))
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    monkeypatch.setattr(sys, "argv", ["imocap"])
     return made

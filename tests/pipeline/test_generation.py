@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,9 +11,7 @@ from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.generation import generation
 from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.workspace import Workspace
-
-if TYPE_CHECKING:
-    from tests.pipeline.conftest import Toy
+from tests.pipeline.conftest import Toy
 
 ALS = "sync.method=als"
 NO_HANDS = Hands(videos=[], model="", model_digest="", size=1.0, status="")

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.store import Store
 from imocap_core.files import appearing
 from imocap_core.pipeline.graph import VARIABLE
-
-if TYPE_CHECKING:
-    from tests.pipeline.conftest import Toy
+from tests.pipeline.conftest import Toy
 
 
 def test_a_cached_result_with_a_side_file_outside_is_made_again(toy: Toy) -> None:

@@ -3,7 +3,6 @@ example of a stage works."""
 
 import json
 import re
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from textwrap import dedent
@@ -179,7 +178,6 @@ def test_the_example_runs_and_its_artifact_is_stored(tmp_path, monkeypatch):
     (folder / "action.yaml").write_text(ACTION)
 
     (name,) = added
-    monkeypatch.setattr(sys, "argv", ["imocap"])
     monkeypatch.setenv("IMOCAP_ALLOW_SCRIPTS", "")  # which the option changes
     assert main(["--root", str(tmp_path), "--allow-scripts", "stage", name, "clip"]) == 0
     stored = Store(tmp_path / "artifacts").load("clip", name)

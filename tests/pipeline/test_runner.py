@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -19,11 +18,7 @@ from imocap_core.artifacts.store import Store
 from imocap_core.library.api_errors import displaying
 from imocap_core.pipeline.runner import Outcome, run
 from imocap_core.workspace import Workspace
-from tests.pipeline.conftest import ACTION
-
-if TYPE_CHECKING:
-    from tests.pipeline.conftest import Toy
-
+from tests.pipeline.conftest import ACTION, Toy
 
 ALL = ["gather", "scale", "evaluate"]
 
