@@ -71,13 +71,6 @@ def test_a_part_is_a_film_of_all_videos(made: Made, tmp_path: Path) -> None:
         films_of(result, "both", span_s=(5.0, 6.0), **how)
 
 
-def test_an_action_that_has_not_run_is_named_with_the_remedy(made: Made, tmp_path: Path) -> None:
-    job = stored_job(tmp_path, made)
-    job.store.current(NAME, "refine_sync").unlink()
-    with pytest.raises(WorkFailed, match="no refine_sync artifact yet; run it with: imocap run"):
-        films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)
-
-
 def test_an_artifact_of_another_version_is_named_in_one_line(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     other = job.store.load(NAME, "keypoints")

@@ -101,9 +101,6 @@ RIGHT: dict[str, tuple[Make, str]] = {  # the words of how they are read, none f
     "files end in .JSON": (lambda d: openpose(d, "clip_{}.JSON"), ""),
     "files end in a version": (lambda d: openpose(d, "IMG_2024_{}_30fps_v2.json"), ""),
     "nobody in some frames, as null, NaN, zeros": (gapped, ""),
-    "a half-size copy was detected": (
-        lambda d: made.write_npz(d, people(xy=0.5 * joints(FRAMES))), "0.5 times the size"
-    ),
     "numbered from 1, OpenPose": (
         lambda d: made.write_openpose(d, people(first=1)), "numbered from 1"
     ),
@@ -117,15 +114,6 @@ RIGHT: dict[str, tuple[Make, str]] = {  # the words of how they are read, none f
         lambda d: made.write_coco(d, people(FRAMES[20:], first=21)), "numbered from 1"
     ),
     "numbered from 440": (lambda d: made.write_npz(d, people(first=440)), "numbered from 440"),
-    "a rate of 45 beside 30": (
-        lambda d: made.write_npz(d, people(np.arange(90) / 1.5)), "90 frames and the video has 60"
-    ),
-    "a rate of 15 beside 30": (
-        lambda d: made.write_npz(d, people(FRAMES[::2])), "30 frames and the video has 60"
-    ),
-    "every second frame under its number": (
-        lambda d: made.write_npz(d, people(FRAMES[::2], numbers=FRAMES[::2])), "every 2nd frame"
-    ),
     "detected beyond the clip's end": (
         lambda d: made.write_npz(d, people(np.arange(72))), "go on after the video's last frame"
     ),

@@ -64,6 +64,9 @@ def test_frames_without_anybody_stay(tmp_path: Path) -> None:
     for write, kind in ((made.write_mmpose, "mmpose"), (made.write_ultralytics, "ultralytics")):
         detected = read(write(tmp_path, people), kind, "coco17")
         assert [len(here) for here in detected.people] == [2, 0, 2]
+    detected = read(made.write_openpose(tmp_path, {3: people[0], 5: []}), "openpose", "coco17")
+    assert detected.frames.tolist() == [3, 5]
+    assert [len(here) for here in detected.people] == [2, 0]
 
 
 def test_mmpose_lists_that_count_from_one_begin_with_frame_zero(tmp_path: Path) -> None:
@@ -318,15 +321,6 @@ def write(folder, number, people):
 
 def body(points=25, x=10.0):
     return [value for k in range(points) for value in (x + k, 20.0 + k, 0.5)]
-
-
-def test_frames_people_and_points_keep_their_places(tmp_path):
-    write(tmp_path, 3, [body(), body(x=200.0)])
-    write(tmp_path, 5, [])
-    detected = read_openpose(tmp_path, "body25")
-    assert detected.frames.tolist() == [3, 5]
-    assert [len(people) for people in detected.people] == [2, 0]
-    assert detected.people[0][1, 4].tolist() == [204.0, 24.0, 0.5]
 
 
 def test_a_person_with_only_hands_is_no_body(tmp_path):
