@@ -1,7 +1,10 @@
 """The page's requests over real HTTP: what it shows, and what it makes of action.yaml; the page
-that follows a run."""
+that follows a run; who may ask the server, and for what."""
 
 import json
+import socket
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -11,9 +14,9 @@ import yaml
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pick.live import following
-from imocap_core.pick.server import open_session, picking
+from imocap_core.pick.server import MOST_BYTES, open_session, picking
 from imocap_core.pipeline.generation import AT_WORK, LAST_RUN
-from tests.pick.conftest import CUT, FRAMES, SIZE
+from tests.pick.conftest import CUT, FRAMES, SIZE, working_folder
 from tests.pick.made import Asker
 from tests.pipeline.stored import NAME, stored_job
 from tests.report.browser import CHROMIUM, Browser
@@ -237,3 +240,165 @@ def test_it_says_why_there_is_nothing(tmp_path: Path) -> None:
         assert asker.state()["sentence"] == "The last run ended: v1 is no video"
     with pytest.raises(WrongUse, match="no action 'other'"), following("other", tmp_path):
         pass
+
+
+MIRROR = {"kind": "mirrored", "video": "v1", "mirrored": True}
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory, films: Path) -> Iterator[Asker]:
+    """One page for all: what is refused changes nothing."""
+    root = working_folder(tmp_path_factory.mktemp("guarded"), films)
+    with picking("made", [], root) as served:
+        guarded = Asker(served, root / "actions" / "made" / "action.yaml")
+        guarded.wait(lambda s: s["plan"] and all("count" in f for f in s["files"]))
+        yield guarded
+    files = {p.name for p in (root / "actions" / "made").iterdir()}
+    assert files == {"action.yaml", "v1", "v2", "v1.mp4", "v2.mp4"}
+
+
+def test_the_page_comes_with_its_protection(guarded: Asker) -> None:
+    answer, content = guarded.ask("")
+    assert answer.status == 200
+    assert b"<!doctype html>" in content
+    policy = str(answer.getheader("Content-Security-Policy"))
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy
+    assert "http" not in policy
+    assert answer.getheader("Referrer-Policy") == "no-referrer"
+    assert answer.getheader("X-Content-Type-Options") == "nosniff"
+    assert b"://" not in content.replace(b"http://www.w3.org", b"")
+
+
+@pytest.mark.parametrize("token", ["", "x", "state", "..", "%2e%2e"])
+def test_without_the_token_there_is_nothing(guarded: Asker, token: str) -> None:
+    for path in ("", "state", "page/main.js", "pictures/0/thumb/0.jpg"):
+        answer, content = guarded.ask(path, token=token)
+        assert answer.status == 403
+        assert b"whole address" in content
+    for near in (guarded.token[:-1], guarded.token + "x", guarded.token.swapcase()):
+        assert guarded.ask("state", token=near)[0].status == 403
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", "", None])
+def test_another_host_is_refused(guarded: Asker, host: str | None) -> None:
+    named = None if host is None else host.format(port=guarded.port)
+    assert guarded.ask("state", Host=named)[0].status == 403
+
+
+def test_localhost_is_this_machine(guarded: Asker) -> None:
+    assert guarded.ask("state", Host=f"localhost:{asker.port}")[0].status == 200
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": None}, 403),
+        ({"Origin": "https://127.0.0.1:{port}"}, 403),
+        ({"Sec_Fetch_Site": "cross-site"}, 403),
+        ({"Content_Type": "text/plain"}, 415),
+        ({"Content_Type": "application/x-www-form-urlencoded"}, 415),
+        ({"Content_Length": None}, 411),
+        ({"Content_Length": "-5"}, 411),
+        ({"Content_Length": str(MOST_BYTES + 1)}, 413),
+    ],
+)
+def test_changes_come_from_the_page_alone(guarded, headers, status):
+    before = guarded.file.read_bytes()
+    sent = {k: v and v.format(port=guarded.port) for k, v in headers.items()}
+    body = {"revision": guarded.state()["revision"], "edits": [MIRROR]}
+    for path in ("edit", "step", "detect", "done"):
+        assert guarded.ask(path, body, **sent)[0].status == status
+    assert guarded.file.read_bytes() == before
+    assert not guarded.served.done.is_set()
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE", "OPTIONS", "PATCH", "TRACE"])
+def test_other_methods_are_refused(guarded: Asker, method: str) -> None:
+    assert guarded.ask("state", method=method)[0].status == 405
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "page/../action.yaml",
+        "page/..%2f..%2froutes.py",
+        "page/%2fetc%2fpasswd",
+        "page/__init__.py",
+        "pictures/0/thumb/..%2f..%2f0.jpg",
+        "pictures/99/thumb/0.jpg",
+        "pictures/0/thumb/4000.jpg",
+        "pictures/-1/thumb/0.jpg",
+        "pictures/0/whole/0.jpg",
+        "people/0123",
+        "people/..%2f..%2faction.yaml",
+        "actions/made/v1.mp4",
+        "%00",
+    ],
+)
+def test_nothing_is_read_by_its_path(guarded: Asker, path: str) -> None:
+    answer, content = guarded.ask(path)
+    assert answer.status == 404
+    assert content == b'{"error": "there is nothing here"}'
+
+
+@pytest.mark.parametrize(
+    "body", [b"{", b"\xff\xfe", b"[" * 5000, b'"x"', b"{}", b'{"revision": 1, "edits": []}']
+)
+def test_nonsense_is_answered_with_a_sentence(guarded: Asker, body: bytes) -> None:
+    before = guarded.file.read_bytes()
+    for path in ("edit", "step"):
+        answer, content = guarded.ask(path, body)
+        assert answer.status == 422
+        assert b"Traceback" not in content
+    assert guarded.file.read_bytes() == before
+
+
+def test_a_length_without_end_and_a_short_body(guarded: Asker) -> None:
+    answer, content = guarded.ask("edit", b"{}", Content_Length=5000 * "9")
+    assert (answer.status, b"Traceback" in content) == (413, False)
+    head = (
+        f"POST /{asker.token}/edit HTTP/1.1\r\nHost: {asker.host}\r\nOrigin: http://{asker.host}\r\n"
+        "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{"
+    )
+    answered = guarded.raw(head.encode())
+    assert b"422" in answered.partition(b"\r\n")[0]
+    assert b"the request broke off: 1 of its 50 bytes came" in answered
+
+
+def test_requests_that_are_no_http_break_nothing(guarded: Asker) -> None:
+    for text in (b"", b"\x16\x03\x01\x00", b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n"):
+        answer = guarded.raw(text)
+        assert b"Traceback" not in answer
+        assert b"site-packages" not in answer
+    long = b"GET /" + b"a" * 70_000 + b" HTTP/1.1\r\n\r\n"
+    assert b" 414 " in guarded.raw(long)
+    assert guarded.state()["action"] == "made"
+
+
+def test_a_fault_of_the_program_shows_no_traceback(root, monkeypatch):
+    faults: list[str] = []
+    with picking("made", [], root, fault=faults.append) as served:
+        guarded = Asker(served, root)
+        monkeypatch.setattr("imocap_core.pick.session.warnings_of", lambda *_: 1 / 0)
+        answer, content = guarded.ask("state")
+    assert answer.status == 500
+    assert content == b"imocap: a fault of the program\n"
+    assert "ZeroDivisionError" in faults[0]
+
+
+def test_other_machines_cannot_reach_it(guarded: Asker) -> None:
+    names = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
+    for address in names - {"127.0.0.1"} | {"127.0.0.2"}:
+        with closing(socket.socket()) as connection:
+            connection.settimeout(5)
+            assert connection.connect_ex((address, guarded.port)) != 0
+
+
+def test_every_page_has_an_address_of_its_own(root: Path, guarded: Asker) -> None:
+    with picking("made", [], root) as other:
+        assert Asker(other, root).token != guarded.token
+        assert len(guarded.token) >= 32
+        assert guarded.ask("state", token=Asker(other, root).token)[0].status == 403

@@ -1,5 +1,5 @@
 """The report's page and the coach's card: everything in its place, every number explained, no other
-file needed."""
+file needed; made once, and again only when something has changed."""
 
 import re
 from pathlib import Path
@@ -11,13 +11,18 @@ from matplotlib.figure import Figure
 from imocap_core.artifacts.schemas import Table
 from imocap_core.body import load_free_body
 from imocap_core.diagnostics.findings import Finding, Verdict
+from imocap_core.errors import WorkFailed
 from imocap_core.figures.page_figures import over_time
 from imocap_core.figures.sheets import most_different_frames, picks_of, sheet_videos
 from imocap_core.metrics.scoring import ScoreRow, over_videos
+from imocap_core.pipeline.runner import Job, Outcome
+from imocap_core.report.action_report import complete, finish, verdict_of_run
 from imocap_core.report.first_page import FirstPage, SureDifference, card_page, largest_differences
 from imocap_core.report.page import html_page, sections
+from imocap_core.report.page_files import prose, refresh_pages
 from imocap_core.report.table_files import GLOSSARY, Contents, Picture, read_contents, write_report
 from imocap_core.report.tables import long_table, metric_tables
+from tests.pipeline.stored import NAME, stored_job
 from tests.report.browser import CHROMIUM, Browser
 from tests.report.made import Made
 
@@ -231,3 +236,98 @@ def test_it_fits_a_phone_and_a_sheet(made: Made, tmp_path: Path) -> None:
         browser.assert_readable(light="255, 255, 255", dark="23, 28, 33")
         assert browser.sheets() == 1
         assert browser.errors == []
+
+
+@pytest.fixture(scope="module")
+def few() -> Made:
+    return Made(frames=12)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without pictures, of which one test alone speaks."""
+    monkeypatch.setattr("imocap_core.report.write_page.draw_page_figures", lambda *_: [])
+
+
+def _outcomes(job: Job, how: str = "cached") -> list[Outcome]:
+    stored = {stage: job.store.load(NAME, stage) for stage in job.pipeline.stages}
+    return [Outcome(s, how, r, 1.5) for s, r in stored.items() if r is not None]  # type: ignore[arg-type]
+
+
+def test_the_page_is_made_once_and_again_when_something_changed(few: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, few, filmed=("v1",))
+    page = finish(job, _outcomes(job, "made"))
+    assert page.name == "report.html"
+    text = page.read_text()
+    for part in ("Summary", "Uncertainty", "mpjpe_mm"):
+        assert part in text
+    folder = page.parent
+    for name in ("results.webp", "uncertainty.png"):
+        assert (folder / name).stat().st_size > 500
+    first = page.stat().st_mtime_ns
+    assert finish(job, _outcomes(job)) == page
+    assert page.stat().st_mtime_ns == first
+    (folder / "viewer.html").write_text("now there is a viewer")
+    finish(job, _outcomes(job))
+    assert 'href="../report/viewer.html"' in page.read_text()
+    index = folder.parent / "index.html"
+    assert 'href="report/viewer.html"' in index.read_text()
+    assert f"imocap compare {NAME}" in index.read_text()  # what has not been made says how
+    page.write_text("mine")
+    refresh_pages(job.store, NAME)
+    assert page.read_text() == "mine"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_report_begins_with_the_verdict_of_the_run_and_what_breaks_off_is_made_again(
+    few, tmp_path
+):
+    job = stored_job(tmp_path, few)
+    page = finish(job, _outcomes(job))
+    whole = page.read_bytes()
+    for left in (5000, 0):
+        page.write_bytes(whole[:left])  # as a full disk leaves it
+        finish(job, _outcomes(job))
+        assert page.read_bytes() == whole
+    verdict = verdict_of_run(job, _outcomes(job))
+    text = page.read_text()
+    assert f'<span class="level {verdict.level}">' in text
+    assert text.index(prose(verdict.summary[0])) < text.index("Technical details")
+    text = page.with_name("verdict.json").read_text()
+    for other in ("{broken", text.replace("summary", "summery"), text.replace("v1", "v9")):
+        page.with_name("verdict.json").write_text(other)
+        assert verdict_of_run(job, _outcomes(job)) == verdict
+    page.with_name("verdict.json").unlink()
+    finish(job, _outcomes(job))
+    assert page.with_name("verdict.json").is_file()
+
+
+PRIVATE = '{"title": "a", "pictures": [{"file": "../../../private.jpg", "caption": ""}]}'
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_damaged_contents_of_a_report_are_refused_in_a_sentence(few: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, few)
+    file = job.store.report(NAME) / "contents.json"
+    damaged = ("{", "[]", '{"title": "a", "pictures": [3]}', "[" * 100_000, PRIVATE)
+    for contents in damaged:
+        file.write_text(contents)
+        with pytest.raises(WorkFailed, match=r"contents\.json is not as the run wrote it"):
+            finish(job, _outcomes(job))
+
+
+def test_a_run_to_the_motion_has_a_verdict_and_one_before_has_none(few, tmp_path):
+    job = stored_job(tmp_path, few)
+    stages = [o.stage for o in _outcomes(job)]
+    motion = stages.index("refine_sync") + 1
+    verdict = verdict_of_run(job, _outcomes(job)[:motion])
+    assert "one more video" not in " ".join(verdict.summary)  # the uncertainty has not been made
+    assert verdict_of_run(job, _outcomes(job)[: motion - 1]) is None
+
+
+def test_a_run_that_stops_early_has_no_page(few: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, few)
+    early = [o for o in _outcomes(job) if o.stage != "evaluate"]
+    assert not complete({o.stage: o.stored for o in early})
+    assert finish(job, early) is None
+    assert not (job.store.report(NAME) / "report.html").exists()
