@@ -287,7 +287,7 @@ def test_another_host_is_refused(guarded: Asker, host: str | None) -> None:
 
 
 def test_localhost_is_this_machine(guarded: Asker) -> None:
-    assert guarded.ask("state", Host=f"localhost:{asker.port}")[0].status == 200
+    assert guarded.ask("state", Host=f"localhost:{guarded.port}")[0].status == 200
 
 
 @pytest.mark.parametrize(
@@ -360,7 +360,7 @@ def test_a_length_without_end_and_a_short_body(guarded: Asker) -> None:
     answer, content = guarded.ask("edit", b"{}", Content_Length=5000 * "9")
     assert (answer.status, b"Traceback" in content) == (413, False)
     head = (
-        f"POST /{asker.token}/edit HTTP/1.1\r\nHost: {asker.host}\r\nOrigin: http://{asker.host}\r\n"
+        f"POST /{guarded.token}/edit HTTP/1.1\r\nHost: {guarded.host}\r\nOrigin: http://{guarded.host}\r\n"
         "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{"
     )
     answered = guarded.raw(head.encode())
