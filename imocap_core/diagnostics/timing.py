@@ -43,7 +43,7 @@ def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     for right in (frozenset(), predicted):
         trips = [t.seconds for t in sync.trust.triples if len(set(t.videos) - right) > 1]
         left_out = [v.left_out_s for v in sync.trust.videos if v.id not in right]
-        medians = [np.median(x) for x in (_finite(trips), _finite(left_out)) if len(x)]
+        medians = [np.nanmedian(x) for x in (trips, left_out) if np.isfinite(x).any()]
         apart_s = float(max(medians)) if medians else None
         if apart_s is None or apart_s <= DOUBTFUL_S:
             break
@@ -78,13 +78,15 @@ def timing_sentence(
     count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
     if apart_s is None and not predicted & set(used):
         return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."
-    rest = listed([i for i in used if i not in predicted], "or")
-    checked = f"each{rest and f' but {rest}'} is predicted by the others' motion"
+    rest = [i for i in used if i not in predicted]
+    others = f"each but {listed(rest, 'or')}" if rest else "each"
+    checked = f"{others} is predicted by the others' motion"
     if apart_s is not None:
         size = f"{1000 * apart_s:.0f} ms ({apart_s * fps:.1f} frames)"
         if apart_s > DOUBTFUL_S:
+            whose = f" of {listed(rest)}" if len(rest) < len(used) - 1 else ""
             doubt = f"the matches of {count} contradict each other by {size}"
-            return f"The timing is doubtful: {doubt}."
+            return f"The timing{whose} is doubtful: {doubt}."
         checked = f"their matches agree with one another within {size}"
     return (
         f"{count} are synchronised: {checked}, and {matched:.0%} of the frames have a counterpart"
@@ -168,10 +170,6 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
             )
         )
     return findings
-
-
-def _finite(values: Sequence[float]) -> list[float]:
-    return [value for value in values if np.isfinite(value)]
 
 
 STOPPED = 0.1  # of the video's usual rate

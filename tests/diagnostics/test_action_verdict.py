@@ -116,6 +116,20 @@ def test_times_by_which_the_pictures_are_predicted_are_right(
         rows[0] = rows[0].model_copy(update={"error_share": 0.09})
 
 
+def test_of_videos_that_others_predict_only_the_rest_is_doubtful_in_time(made: Made) -> None:
+    given: dict[str, Any] = {"near_share": 0.95, "monocular_error_share": 0.02, "frames": 9}
+    errors = (0.03, 0.03, 0.09)
+    rows = [
+        PredictedVideo(id=i, error_share=error, **given)
+        for i, error in zip(made.ids, errors, strict=True)
+    ]
+    claimed = made.claimed.model_copy(update={"leave_one_out": rows})
+    refined = with_sync(made, trust=trusted(made, left_out_s=2 * DOUBTFUL_S))
+    verdict = verdict_of(made.keypoints, made.camera_motion, refined, claimed)
+    assert verdict.summary[0].startswith(f"The timing of {made.ids[2]} is doubtful: ")
+    assert verdict.level == "doubt"
+
+
 def repeating(made: Made, ratio: float) -> SyncTrust:
     """The second video fits 1.1 s later, its squared distances so many times as large."""
     trust = trusted(made)
