@@ -22,13 +22,13 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 339,
-    "lines of the core": 70_541,
+    "lines of the core": 70_539,
     "packages of the core": 40,
     "public names of the core": 3_966,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
-    "lines of the tests": 42_153,
+    "lines of the tests": 41_576,
     "words of the documentation": 38_145,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
