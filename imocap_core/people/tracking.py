@@ -314,8 +314,8 @@ def lost_frames(
 
 
 def _turned_over(trunk: Float[np.ndarray, "F 3 2"], jumps: Sequence[int]) -> Bool[np.ndarray, " F"]:
-    """Which of F frames show the body the other way up than most do: those after an odd number of
-    jumps between ways up, as far as the trunk does point the other way."""
+    """Which of F frames show the body upside down: those after an odd number of flips in which the
+    trunk does point against the others' mean."""
     way = trunk[:, -1] / np.maximum(np.linalg.norm(trunk[:, -1], axis=-1, keepdims=True), 1e-9)
     turns = np.zeros(len(trunk), dtype=int)
     for last in jumps:

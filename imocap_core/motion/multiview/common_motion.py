@@ -32,6 +32,7 @@ from imocap_core.motion.multiview.scene import (
     CommonKeypoints,
     DeviationSpread,
     Scene,
+    consensus_motion,
     correlation_frames,
     root_positions,
 )
@@ -324,7 +325,7 @@ class CommonFit:
 
     Attributes:
         spread: how far each performance deviates.
-        costs: the objective after each stage.
+        costs: the objective after each stage; misfit: as of `misfit`.
     """
 
     motion: MotionState
@@ -332,11 +333,12 @@ class CommonFit:
     spread: DeviationSpread
     costs: list[float]
     status: str
+    misfit: float
 
 
 def fit_in_stages(
     scene: Scene,
-    start: MotionState,
+    state: MotionState,
     cameras: Cameras,
     options: MotionParams,
     progress: Progress,
@@ -347,10 +349,11 @@ def fit_in_stages(
     """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
 
     Args:
-        start: one motion (batch of 1), world axes; cameras: where they begin, or where they are
-            and stay (``cameras_known``).
+        state: every video's motion, whose consensus is the start; cameras: where they begin, or
+            where they are and stay (``cameras_known``).
         restart: pass through the wide robust scales; else the start has done so before.
     """
+    start = consensus_motion(scene, state, cameras, options.agreement_rad)
     keypoints, unknowns = scene.keypoints, NO_UNKNOWNS
     if not cameras_known:
         unknowns = unknowns_of(scene, [v for v in range(len(cameras.R)) if v != scene.reference])
@@ -376,11 +379,10 @@ def fit_in_stages(
         spread_m = keypoint_spread_m(replace(views, robust_scale=final), motion, scene.fps)
         costs.append(solution.costs[-1])
         status = solution.status
-    if views.keypoints.offset_sd is None:
-        spread = estimate_spread(scene, motion, cameras, options)
-    else:
-        spread = DeviationSpread(spread_m, views.keypoints.offset_sd)
-    return CommonFit(motion, cameras, spread, costs, status)
+    sd = views.keypoints.offset_sd
+    spread = None if sd is None else DeviationSpread(spread_m, sd)
+    spread = spread or estimate_spread(scene, motion, cameras, options)
+    return CommonFit(motion, cameras, spread, costs, status, misfit(scene, motion, cameras, sd))
 
 
 def estimate_spread(

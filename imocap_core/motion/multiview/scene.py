@@ -278,9 +278,6 @@ def solve(
     )
 
 
-# Where a solve begins: what the monocular motions of all videos agree on. Each is in its camera's
-# axes, so the rotations between root orientations are those between cameras.
-
 CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
 ROUNDS = 4  # of the consensus
 PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances

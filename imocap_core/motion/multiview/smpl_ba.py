@@ -18,7 +18,7 @@ import torch
 from jaxtyping import Float, Int
 
 from imocap_core.motion.monocular.fit import Progress
-from imocap_core.motion.multiview.common_motion import fit_in_stages, misfit
+from imocap_core.motion.multiview.common_motion import CommonFit, fit_in_stages
 from imocap_core.motion.multiview.low_rank import alternated
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import with_sides_of_others
@@ -27,7 +27,6 @@ from imocap_core.motion.multiview.scene import (
     JointMotion,
     Scene,
     cameras_from_motion,
-    consensus_motion,
     shared_shapes,
 )
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
@@ -184,18 +183,14 @@ def common_then_deviations(
         restart: begin at the widest robust scale; else state and cameras are an earlier result of
             this function, and it goes on where that stopped.
     """
-    start = consensus_motion(scene, state, cameras, options.agreement_rad)
     common = fit_in_stages(
-        scene, start, cameras, options, progress, cameras_known=cameras_known, restart=restart
+        scene, state, cameras, options, progress, cameras_known=cameras_known, restart=restart
     )
-    motion, cameras, spread = common.motion, common.cameras, common.spread
-    fit = misfit(scene, motion, cameras, spread.offset_sd)
     progress("each video's own deviation")
-    solved = scene.with_intrinsics(cameras)
-    state, cost = fit_deviations(solved, state, motion, cameras, spread, options, restart=restart)
-    costs, status = [*common.costs, cost], f"shared motion {common.status}"
-    motion = motion.uncached()
-    return JointMotion(state, cameras, motion, spread, costs, status, fit, scene.swapped)
+    solved = scene.with_intrinsics(common.cameras)
+    given = solved, state, common.motion, common.cameras, common.spread, options
+    state, cost = fit_deviations(*given, restart=restart)
+    return _joint_motion(scene, common, state, f"shared motion {common.status}", cost)
 
 
 def one_motion(
@@ -209,16 +204,22 @@ def one_motion(
     restart: bool = True,
 ) -> JointMotion:
     """One motion for all videos. Arguments as of `common_then_deviations`."""
-    start = consensus_motion(scene, state, cameras, options.agreement_rad)
     common = fit_in_stages(
-        scene, start, cameras, options, progress, cameras_known=cameras_known, restart=restart
+        scene, state, cameras, options, progress, cameras_known=cameras_known, restart=restart
     )
-    motion, cameras = common.motion, common.cameras
-    fit = misfit(scene, motion, cameras)
-    state = follow_common(scene.with_intrinsics(cameras), state, motion, cameras, options)
-    costs, status = common.costs, f"one motion for all: {common.status}"
-    motion = motion.uncached()
-    return JointMotion(state, cameras, motion, common.spread, costs, status, fit, scene.swapped)
+    solved = scene.with_intrinsics(common.cameras)
+    state = follow_common(solved, state, common.motion, common.cameras, options)
+    return _joint_motion(scene, common, state, f"one motion for all: {common.status}")
+
+
+def _joint_motion(
+    scene: Scene, common: CommonFit, state: MotionState, status: str, *costs: float
+) -> JointMotion:
+    """A common motion and every video's; costs: of what was fitted after the common one."""
+    return JointMotion(
+        state, common.cameras, common.motion.uncached(), common.spread, [*common.costs, *costs],
+        status, common.misfit, scene.swapped,
+    )  # fmt: skip
 
 
 def _single_video(scene: Scene, start: MotionState) -> JointMotion:
