@@ -27,7 +27,6 @@ from imocap_core.diagnostics.detection_findings import (
     hidden_findings,
     left_out_findings,
     swapped_findings,
-    view_clause,
     view_findings,
 )
 from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, Verdict, listed
@@ -108,12 +107,8 @@ def next_step(serious: Sequence[Finding], further: str) -> str:
 
 def _nothing_found(least_certain: str, has_first: bool) -> str:
     end = f"; {least_certain}" if least_certain else ""
-    none = (
-        "No other fault was found"
-        if has_first
-        else "Nothing was found that speaks against the result"
-    )
-    return f"{none}{end}."
+    nothing = "Nothing was found that speaks against the result"
+    return f"{'No other fault was found' if has_first else nothing}{end}."
 
 
 def _parts(findings: Sequence[Finding]) -> list[str]:
@@ -148,21 +143,22 @@ def verdict_of(
     """
     sync, motion = refined.sync, refined.motion
     videos = {video.id: video for video in keypoints.videos}
-    predicted = predicted_videos([] if claimed is None else claimed.leave_one_out)
+    left_out_in_turn = [] if claimed is None else claimed.leave_one_out
+    predicted = predicted_videos(left_out_in_turn)
     cameras = [] if camera_motion is None else camera_motion.videos
     findings = [
         *left_out_findings(keypoints),
         *decision_findings(sync),
         *event_findings(keypoints, refined),
         *take_findings(keypoints.videos),
-        *view_findings(motion, sync),
+        *(view := view_findings(motion, sync, left_out_in_turn)),
         *hidden_findings(sync, videos),
         *up_findings(motion, sync, cameras),
         *collapse_findings(sync, videos),
         *timing_findings(sync, keypoints.videos, predicted),
         *repetition_findings(sync),
         *performer_findings(keypoints, camera_motion, refined),
-        *([] if claimed is None else prediction_findings(claimed.leave_one_out)),
+        *prediction_findings(left_out_in_turn),
         *floor_findings(motion, sync, cameras),
         *behind_findings(motion, videos),
         *speed_findings(motion.videos, videos),
@@ -182,8 +178,8 @@ def verdict_of(
     timing = timing_sentence(sync, fps, left_out, predicted, apart_s)
     if refined.event is not None:
         timing = event_sentence(refined.event, fps, left_out)
-    clause = "" if len(sync.used) == 1 else view_clause(motion, sync)
-    timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
+    if view and len(sync.used) > 1:
+        timing = f"{timing.removesuffix('.')}; {view[0].text}."
     used = set(sync.used)
     is_predicted = predicted >= used if len(used) < 3 else bool(predicted & used)
     return Verdict(

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from imocap_core.adapters.ground import SEEN
 from imocap_core.artifacts.schemas import (
     Keypoints,
+    PredictedVideo,
     SmplBa,
     SyncSummary,
     VideoCameraMotion,
@@ -136,8 +137,7 @@ def damage_findings(keypoints: Keypoints) -> list[Finding]:
         Finding(
             "detection",
             video.id,
-            "the video file is damaged; its keypoints are not used, and the motion there is a "
-            "guess",
+            "the video file is damaged, its keypoints are not used, the motion there is a guess",
             "the video file is damaged",
             "get the video again",
             first,
@@ -169,7 +169,8 @@ def swapped_findings(motion: SmplBa) -> list[Finding]:
 
 # Performances of one action differ by some 50 mm; for two cameras whose lines of sight differ by
 # this angle, that is 150 mm along them
-ONE_LINE_DEG = 20.0
+ONE_LINE_DEG, _ACROSS_DEG = 20.0, 45.0  # from the latter on they look across each other
+_DIFFERENCE = 0.03  # 50 mm as a share of the height
 HIDDEN_S = 0.5  # a hand moves by half a metre in this time
 WHOLE = 0.9  # of the frames
 LIMB_ENDS = {
@@ -181,22 +182,23 @@ LIMB_ENDS = {
 """Of each limb its end, and the joint of the trunk that it hangs on."""
 
 
-def view_findings(motion: SmplBa, sync: SyncSummary) -> list[Finding]:
-    """That depth is a guess where all videos look along one line."""
-    clause = view_clause(motion, sync)
-    return [Finding("view", "", clause, "depth is a guess")] if clause else []
-
-
-def view_clause(motion: SmplBa, sync: SyncSummary) -> str:
-    """The same for the first sentence; empty where videos look across each other."""
+def view_findings(
+    motion: SmplBa, sync: SyncSummary, predicted: Sequence[PredictedVideo]
+) -> list[Finding]:
+    """That depth is a guess where all videos look along one line: the less performances agree, the
+    wider an angle they need."""
     used = sync.used
     widest = widest_angle_deg(sight_lines(motion, used))
-    if widest >= ONE_LINE_DEG:
-        return ""
+    missed = [p.error_share for p in predicted if p.error_share > 0] or [0.0]  # NaN is not
+    ratio = max(1.0, float(np.median(missed)) / _DIFFERENCE)
+    one_line, across = np.sin(np.radians([ONE_LINE_DEG, _ACROSS_DEG]))
+    if np.sin(np.radians(widest)) >= min(ratio * one_line, across):
+        return []
+    which = "both look" if len(used) == 2 else "all of them look"
+    text = f"{which} along one line (within {max(1.0, widest):.0f} degrees): depth is a guess"
     if len(used) == 1:
-        return "one video shows everything from one side, and depth is a guess"
-    which = "both" if len(used) == 2 else "all of them"
-    return f"{which} look along one line (within {max(1.0, widest):.0f} degrees): depth is a guess"
+        text = "one video shows everything from one side, and depth is a guess"
+    return [Finding("view", "", text, "depth is a guess")]
 
 
 def sight_lines(motion: SmplBa, used: Sequence[str]) -> Float[np.ndarray, "M 3"]:

@@ -1,6 +1,7 @@
 """The verdict: three sentences at most, every finding with its place and its remedy."""
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -97,33 +98,32 @@ def test_a_video_that_cannot_be_used_is_named_first(made: Made) -> None:
     assert any(f.place == "v1 frames 3-7" and f.serious for f in verdict.findings)
 
 
+def predicted(made: Made, errors: Sequence[float], near: float = 0.95) -> Uncertainty:
+    """The claims with such errors of the videos as predicted by the others."""
+    given: dict[str, Any] = {"near_share": near, "monocular_error_share": 0.02, "frames": 9}
+    pairs = zip(made.ids, errors, strict=True)
+    rows = [PredictedVideo(id=i, error_share=error, **given) for i, error in pairs]
+    return made.claimed.model_copy(update={"leave_one_out": rows})
+
+
 @pytest.mark.parametrize(("error", "near"), [(0.03, 0.95), (0.06, 0.95), (0.03, 0.8)])
 def test_times_by_which_the_pictures_are_predicted_are_right(
     made: Made, error: float, near: float
 ) -> None:
-    given: dict[str, Any] = {"near_share": near, "monocular_error_share": 0.02, "frames": 9}
-    rows = [PredictedVideo(id=i, error_share=error, **given) for i in made.ids]
     trust, reference = trusted(made, left_out_s=2 * DOUBTFUL_S), made.ids[0]
     trust.videos[0] = trust.videos[0].model_copy(update={"left_out_s": np.nan})
     is_right = error <= contradictions.PREDICTED and near >= contradictions.PREDICTED_SHARE
-    for but in ("", f" but {reference}"):
-        claimed = made.claimed.model_copy(update={"leave_one_out": rows})
-        refined = with_sync(made, trust=trust)
+    refined = with_sync(made, trust=trust)
+    for but, of_first in (("", error), (f" but {reference}", 0.09)):
+        claimed = predicted(made, (of_first, error, error), near)
         verdict = verdict_of(made.keypoints, made.camera_motion, refined, claimed)
         assert (f"each{but} is predicted" in verdict.summary[0]) == is_right
         assert verdict.summary[0].startswith("The timing is doubtful") != is_right
         assert verdict.level == ("good" if is_right else "doubt")
-        rows[0] = rows[0].model_copy(update={"error_share": 0.09})
 
 
 def test_of_videos_that_others_predict_only_the_rest_is_doubtful_in_time(made: Made) -> None:
-    given: dict[str, Any] = {"near_share": 0.95, "monocular_error_share": 0.02, "frames": 9}
-    errors = (0.03, 0.03, 0.09)
-    rows = [
-        PredictedVideo(id=i, error_share=error, **given)
-        for i, error in zip(made.ids, errors, strict=True)
-    ]
-    claimed = made.claimed.model_copy(update={"leave_one_out": rows})
+    claimed = predicted(made, (0.03, 0.03, 0.09))
     refined = with_sync(made, trust=trusted(made, left_out_s=2 * DOUBTFUL_S))
     verdict = verdict_of(made.keypoints, made.camera_motion, refined, claimed)
     assert verdict.summary[0].startswith(f"The timing of {made.ids[2]} is doubtful: ")
@@ -174,9 +174,8 @@ def test_a_mirrored_video_is_named_with_the_way_back(made: Made) -> None:
 
 def test_a_mirroring_that_the_user_declared_is_no_doubt(made: Made) -> None:
     notes = ["v2 is declared mirrored: treated as its mirror image"]
-    assert not any(
-        f.kind == "decision" for f in judged(made, mirrored=["v2"], notes=notes).findings
-    )
+    findings = judged(made, mirrored=["v2"], notes=notes).findings
+    assert not any(f.kind == "decision" for f in findings)
 
 
 def test_what_was_left_out_is_no_missing_viewpoint(made: Made) -> None:
@@ -198,9 +197,8 @@ def test_a_side_is_named_only_where_one_stands_out(made: Made) -> None:
     one_side = views(made, [0.0] * 3, {0.0: 0.1, 180.0: 0.36})
     assert "from behind" in further_view(one_side, made.refined.sync)
     by_camera = one_side.model_copy(update={"azimuth_from": "camera"})
-    assert "from behind as the reference camera sees it" in further_view(
-        by_camera, made.refined.sync
-    )
+    behind = further_view(by_camera, made.refined.sync)
+    assert "from behind as the reference camera sees it" in behind
     right = views(made, [0.0] * 3, {0.0: 0.1, 90.0: 0.36})  # the left hand of who faces the camera
     right = right.model_copy(update={"azimuth_from": "camera"})
     assert "from the right as the reference camera" in further_view(right, made.refined.sync)
@@ -239,10 +237,8 @@ def test_sides_that_were_put_right_are_told_and_no_doubt(made: Made) -> None:
     stretch = SwappedSides(id="v2", first_frame=12, last_frame=30, part="legs")
     result = with_sync(made)
     motion = result.motion.model_copy(update={"swapped": [stretch]})
-    plain, told = (
-        verdict_of(made.keypoints, made.camera_motion, r, made.claimed)
-        for r in (result, result.model_copy(update={"motion": motion}))
-    )
+    result = result.model_copy(update={"motion": motion})
+    plain, told = judged(made), verdict_of(made.keypoints, made.camera_motion, result, made.claimed)
     assert told.summary == plain.summary
     (finding,) = [f for f in told.findings if f not in plain.findings]
     assert finding.sentence == (
@@ -252,23 +248,17 @@ def test_sides_that_were_put_right_are_told_and_no_doubt(made: Made) -> None:
 
 
 def test_a_body_beside_its_detections_is_named_with_its_frames(made: Made) -> None:
-    refined = with_sync(made)
-    second = refined.motion.videos[1]
     off = np.where((np.arange(16) >= 3) & (np.arange(16) < 14), 30.0, 1.0)
-    videos = [refined.motion.videos[0], second.model_copy(update={"reprojection_px": off})]
-    videos.append(refined.motion.videos[2])
-    motion = refined.motion.model_copy(update={"videos": videos})
-    verdict = verdict_of(
-        made.keypoints, None, refined.model_copy(update={"motion": motion}), made.claimed
-    )
+    refined = with_motion(made, 1, reprojection_px=off)
+    verdict = verdict_of(made.keypoints, None, refined, made.claimed)
     assert "v2 frames 5-15 (the body does not fit the picture)" in verdict.summary[1]
 
 
-def with_motion(made: Made, video: int, joints: np.ndarray) -> RefineSync:
-    """The made result with other joints (T, 24, 3) in one video."""
+def with_motion(made: Made, video: int, **changed: np.ndarray) -> RefineSync:
+    """The made result with changed fields of one video's motion."""
     refined = with_sync(made)
     videos = list(refined.motion.videos)
-    videos[video] = videos[video].model_copy(update={"joints": joints})
+    videos[video] = videos[video].model_copy(update=changed)
     motion = refined.motion.model_copy(update={"videos": videos})
     return refined.model_copy(update={"motion": motion})
 
@@ -278,7 +268,7 @@ def test_a_body_unlike_all_others_is_named_with_its_frames() -> None:
     joints = made.final[1].joints.copy()
     middle = joints[10:30, :1]
     joints[10:30] = middle + (joints[10:30] - middle) @ np.diag([-1.0, 1.0, -1.0])
-    verdict = verdict_of(made.keypoints, None, with_motion(made, 1, joints), made.claimed)
+    verdict = verdict_of(made.keypoints, None, with_motion(made, 1, joints=joints), made.claimed)
     (finding,) = (f for f in verdict.findings if f.brief == "its body differs from the others")
     frames = made.keypoints.videos[1].frames
     assert (finding.video, finding.first_frame) == ("v2", frames[10])
@@ -297,7 +287,7 @@ def test_a_foot_that_leaps_in_depth_is_named_with_its_frames() -> None:
     joints = motion.joints.copy()
     joints[:, SMPL_JOINTS.index("left_ankle")] = joints[0, SMPL_JOINTS.index("left_ankle")]
     joints[24:, SMPL_JOINTS.index("left_ankle"), 2] += 0.6
-    refined = with_motion(made, 1, joints)
+    refined = with_motion(made, 1, joints=joints)
     verdict = verdict_of(Keypoints(videos=videos), None, refined, made.claimed)
     (finding,) = (f for f in verdict.findings if f.kind == "feet" and f.video == "v2")
     leap = still.frames[24]
