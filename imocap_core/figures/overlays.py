@@ -150,13 +150,10 @@ def draw_body(
 def from_the_side(
     bodies_m: Float[np.ndarray, "n V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> list[Image]:
-    """Surfaces in camera axes, viewed from their right, all at one scale.
-
-    The camera's vertical stays vertical; the picture's depth runs to the right.
-    """
-    R_side_from_cam = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    """Surfaces before a level camera (y up), from its right, depth to the right, at one scale."""
+    R_side = np.array([[0.0, 0, -1], [0, -1, 0], [-1, 0, 0]])
     far_m = 25.0  # nearly orthographic, so that depth is to scale
-    turned = bodies_m @ R_side_from_cam.T
+    turned = bodies_m @ R_side.T
     low, high = turned.min(axis=1), turned.max(axis=1)
     extent = (high - low)[:, :2].max(axis=0)
     focal = far_m * 0.9 * float((np.array(CELL_PX) / extent).min())

@@ -72,6 +72,7 @@ class SheetVideo:
     monocular: VideoMotion  # the estimate from this video alone
     final: VideoMotion
     K: Float[np.ndarray, "3 3"]  # of the final result
+    R_upright_from_cam: Float[np.ndarray, "3 3"]  # y up, -z ahead
     lens: Lens | None = None
 
     def filmed(
@@ -96,9 +97,12 @@ def sheet_videos(
     """
     alone = relative_motions(initial.videos, paths_of_initial(initial, camera_motion))
     joint, intrinsics = alone, [camera.K for camera in camera_motion.videos]
+    level = [np.diag([1.0, -1.0, -1.0])] * len(alone)
     if refined is not None:
-        joint = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
-        intrinsics = [camera.K for camera in refined.motion.cameras]
+        cameras = refined.motion.cameras
+        joint = relative_motions(refined.motion.videos, paths_of(cameras))
+        intrinsics = [camera.K for camera in cameras]
+        level = [upright_world(refined, c.id).R_upright_from_world @ c.R.T for c in cameras]
     lenses = lenses_of(camera_motion, refined)
     return [
         SheetVideo(
@@ -109,10 +113,11 @@ def sheet_videos(
             monocular=first,
             final=last,
             K=K,
+            R_upright_from_cam=R,
             lens=lenses.get(video.id),
         )
-        for video, camera, first, last, K in zip(
-            keypoints.videos, camera_motion.videos, alone, joint, intrinsics, strict=True
+        for video, camera, first, last, K, R in zip(
+            keypoints.videos, camera_motion.videos, alone, joint, intrinsics, level, strict=True
         )
     ]
 
@@ -180,15 +185,16 @@ def body_cells(
     cells: Mapping[int, Image],
     cuts: Mapping[int, Window],
 ) -> tuple[list[Image], Float[np.ndarray, "F V 3"]]:
-    """A motion's body over the cells of some frames (indices), and its surfaces in their cameras'
-    axes. K: of the first frame."""
+    """A motion's body over the cells of some frames (indices), and its surfaces, upright
+    before the camera. K: of the first frame."""
     camera, chosen = video.camera, list(frames)
-    bodies = surfaces(model, motion, frames) @ camera.R_first_from_frame[chosen]  # R^T x
+    posed = surfaces(model, motion, frames)
+    bodies = posed @ camera.R_first_from_frame[chosen]  # R^T x
     row = [
         draw_body(cells[t], video.filmed(body, K_t), model.faces.numpy(), cuts[t].camera(K_t))
         for t, body, K_t in zip(frames, bodies, lens_of(K, camera.zoom[chosen]), strict=True)
     ]
-    return row, bodies
+    return row, posed @ video.R_upright_from_cam.T
 
 
 def video_sheet(
@@ -208,15 +214,10 @@ def video_sheet(
         row, bodies = body_cells(video, motion, K, model, frames, cells, cuts)
         rows.append(row)
         sides.append(from_the_side(bodies, faces))
+    names = ["monocular", "after loop"]
     return contact_sheet(
         [*rows, *sides],
-        [
-            "detections",
-            "monocular",
-            "after loop",
-            "monocular,\nfrom the side",
-            "after loop,\nfrom the side",
-        ],
+        ["detections", *names, *(f"{name},\nfrom the side" for name in names)],
         [f"frame {keypoints.frames[t]}" for t in frames],
     )
 
@@ -322,12 +323,13 @@ def sheet_ids(refined: RefineSync, videos: Sequence[SheetVideo]) -> list[str]:
     return [sync.reference, *sorted(misfit, key=lambda name: -misfit[name])[:1]]
 
 
-def upright_world(refined: RefineSync) -> GroundAlignment:
-    """The world with y up and the ground at 0; without a ground, up is the reference camera's."""
+def upright_world(refined: RefineSync, ahead: str = "") -> GroundAlignment:
+    """The world with y up, the ground at 0, and a video's camera looking along -z, the reference's
+    by default; without a ground, up is the reference camera's."""
     motion = refined.motion
     if motion.ground is None:
         return GroundAlignment(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-    camera = next(c for c in motion.cameras if c.id == motion.reference)
+    camera = next(c for c in motion.cameras if c.id == (ahead or motion.reference))
     return upright_alignment(ground_of(motion.ground), camera.R, "y")
 
 

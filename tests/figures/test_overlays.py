@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.artifacts.schemas import SyncMap
+from imocap_core.artifacts.schemas import GroundPlane, SyncMap
 from imocap_core.camera.projection import Lens, frame_projections
 from imocap_core.figures.overlays import (
     CELL_PX,
@@ -27,6 +27,7 @@ from imocap_core.figures.overlays import (
     windows,
 )
 from imocap_core.figures.sheets import (
+    body_cells,
     body_sheet,
     frames_of_moments,
     sheet_ids,
@@ -181,6 +182,19 @@ def test_the_world_of_the_sheets_is_upright() -> None:
     made = Made()
     ground = upright_world(made.refined)
     assert ground.R_upright_from_world @ [0, -1, 0] == pytest.approx([0, 1, 0], abs=0.1)
+
+
+def test_bodies_from_the_side_stand_on_level_ground_however_the_camera_is_held() -> None:
+    made = Made(2)
+    up = rotations.exp(torch.tensor([0.4, 0.0, 0.1], dtype=torch.float64)).numpy() @ [0, -1, 0]
+    plane = GroundPlane(up=up, origin=np.zeros(3), tilt_sd_deg=1.0, height_sd_mm=9.0)
+    motion = made.refined.motion.model_copy(update={"ground": plane})
+    made.refined = made.refined.model_copy(update={"motion": motion})
+    for video, camera in zip(_videos(made), motion.cameras, strict=True):
+        cut = dict(enumerate(windows(video.keypoints.person_box_px[:1], (2000, 2000))))
+        _, level = body_cells(video, video.final, K, made.model, [0], {0: _paper()}, cut)
+        in_world = surfaces(made.model, video.final, [0]) @ camera.R  # t is 0
+        assert level[..., 1] == pytest.approx(in_world @ up)
 
 
 def test_a_sheet_without_pictures_has_a_column_for_each_phase_and_one_at_rest() -> None:

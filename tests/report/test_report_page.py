@@ -183,7 +183,7 @@ def test_a_column_is_chosen_for_every_video(made: Made) -> None:
 
     names = load_free_body().points("body25").names
     videos = [
-        SheetVideo(s, c, None, names, a, b, c.K)
+        SheetVideo(s, c, None, names, a, b, c.K, np.eye(3))
         for s, c, a, b in zip(
             made.keypoints.videos, made.camera_motion.videos, made.bent, made.final, strict=True
         )
