@@ -24,7 +24,7 @@ from imocap_core.camera.tilt_evidence import (
     camera_angles_deg,
     camera_cost,
     carried_cost,
-    hanging_cost,
+    hands_cost,
     perpendicular,
     plane_cost,
     planted_feet,
@@ -118,8 +118,7 @@ MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it i
 OTHER_OBSERVATIONS = 3.0  # of what carries a body otherwise, which is a guess
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
 ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
-BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos in which feet carry the body, other parts,
-# hands; feet and a bench
+BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos: feet carry, other parts, hands, a bench
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
 RESTING_COST = 4.2  # of balance alone
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
@@ -178,10 +177,8 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
 
     def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         total = np.zeros(len(up))
-        for body in bodies:
-            total += camera_cost(up, body.R_cam_from_world, prior)
-        for stance in stances:
-            total += stance.cost(up)
+        total += sum(camera_cost(up, b.R_cam_from_world, prior) for b in bodies)
+        total += sum(stance.cost(up) for stance in stances)
         return total
 
     return _searched(cost, [b.R_cam_from_world for b in bodies], prior)
@@ -197,19 +194,21 @@ def _searched(
 
     Proposed are cameras that are held level and the least costs on the sphere. The proposal with
     the most posterior around it is chosen, not their mean; how likely it is one of the others
-    shows in the standard deviation.
+    shows in the standard deviation. Proposals that lead to the same up count once.
     """
     level = _up_of_angles(np.zeros(1), np.array([prior.pitch_down_deg]))
     sphere = np.concatenate([*(level @ R for R in cameras), _fibonacci_sphere(SPHERE)])
     costs = cost(sphere)
-    modes: list[_Mode] = []
-    for k in costs.argsort():
-        apart = [_angles_deg(sphere[k], m.start).item() for m in modes]
-        if costs[k] > costs.min() + HOPELESS or len(modes) == MOST_MODES:
-            break
-        if min(apart, default=180.0) > APART_DEG:
-            modes.append(_Mode.around(cost, sphere[k]))
-    best = min(modes, key=lambda m: m.cost)
+    modes, hopeless = list[_Mode](), costs.min() + HOPELESS
+    while costs.min() <= hopeless and len(modes) < MOST_MODES:
+        start = sphere[costs.argmin()]
+        costs[_angles_deg(start, sphere) <= APART_DEG] = np.inf
+        every = sorted([*modes, _Mode.around(cost, start)], key=lambda m: m.cost)
+        modes.clear()
+        for mode in every:
+            if all(_angles_deg(mode.mean, m.mean) > APART_DEG for m in modes):
+                modes.append(mode)
+    best = modes[0]
     share = np.exp(-0.5 * np.array([m.cost - best.cost for m in modes]))
     share /= share.sum()
     apart_deg = np.array([_angles_deg(best.mean, m.mean).item() for m in modes])
@@ -221,7 +220,6 @@ def _searched(
 class _Mode:
     """The posterior around one direction: its mean, spread, -2 log of its integral."""
 
-    start: Float[np.ndarray, "3"]
     mean: Float[np.ndarray, "3"]
     sd_deg: float
     cost: float
@@ -240,7 +238,7 @@ class _Mode:
             mean /= np.linalg.norm(mean)
             sd = float(np.sqrt(weight @ _angles_deg(mean, around) ** 2 / 2))
             reach = float(np.clip(REACH_SD * sd, LEAST_REACH_DEG, MOST_REACH_DEG))
-        return cls(start, mean, sd, whole)
+        return cls(mean, sd, whole)
 
 
 def _angles_deg(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "*U 3"]) -> Float[np.ndarray, "*U"]:
@@ -286,7 +284,7 @@ class _Stance:
         stands, rests = balance_costs(up, self.support, sight)
         feet = stands + plane + TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
         others = carried_cost(up, self.support, sight)
-        hands = hanging_cost(up, self.support, sight)
+        hands = hands_cost(up, self.support, sight)
         bench = rests + plane - RESTING_COST
         count = min(self.count, OTHER_OBSERVATIONS)
         costs = np.stack([self.count * feet, count * others, count * hands, count * bench])

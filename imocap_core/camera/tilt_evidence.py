@@ -26,12 +26,11 @@ SEAT_HEIGHT, SEAT_SPREAD = 0.75, 0.05  # if lower than this share of a leg above
 BACK_HEIGHT = 1.0  # of the upper back, which may lean on something
 UNSEEN_M = 0.3  # error of the place of a limb that no video shows
 SWAY_M = 0.06  # standard deviation of the centre of mass about the middle of its support
-LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # errors of the pose as shares of the height: across the
-# camera's line of sight and along it
+LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # the pose's errors across and along sight, of the height
 DYNAMIC_S = 0.2  # and as a time at its speed: who moves need not balance
 TRUNK_DEG = 8.0
-HANGING_M = 0.4  # hands above the centre of mass of who hangs
-PLANE_M = 0.08  # deviation of a planted foot's height, with its error of depth
+RAISED_M = 0.4  # hands above the feet of whom they carry off the ground
+PLANE_M = 0.08  # deviation of a planted foot's height and a hand's place, with errors of depth
 PLANTED_M_S = 0.2  # speed at which a foot counts a quarter as planted
 LEAST_PLANTED = 0.1  # feet that count less are left out
 UNSEEN_SHARE = 0.01  # weight of an unseen foot: it tells the ground where no other does
@@ -60,7 +59,6 @@ PARTS = BALLS + ANKLES + WRISTS + KNEES + HIPS + [SMPL_JOINTS.index("head")] + S
 PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
 """Joints of parts that may carry a body which lies, kneels or stands on its hands, and their
 depths below the skin, of the free body."""
-WRIST_PARTS = slice(4, 6)
 
 
 @dataclass(frozen=True)
@@ -252,17 +250,21 @@ def _floor_cost(
     return np.asarray((cost * np.where(off < 0, 1.0, slow)).mean(axis=1))
 
 
-def hanging_cost(
+def hands_cost(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, " U"]:
-    """The centre of mass is well below the hands, and under them; the mean over moments."""
-    wrists = support.parts[:, WRIST_PARTS]
-    share = np.full((len(up), wrists.shape[1], len(wrists)), 0.5)
-    squared, _ = _off_middle(up, support, wrists, share, sight)
-    below = (wrists.mean(axis=1) - support.centre) @ up.T
+    """Hands that keep their places, well above the feet, carry the body together with feet as far
+    as these stand still: from a bar, on bars, against a wall. The mean over moments."""
+    limbs = support.limbs[:, :4]  # feet, hands
+    feet = planted_weight(support.parts_m_s[:, : len(BALLS)])
+    weight = np.hstack([feet, np.ones_like(feet)]).T
+    share = np.broadcast_to(weight / weight.sum(axis=0), (len(up), *weight.shape))
+    squared, _ = _off_middle(up, support, limbs, share, sight)
+    above = up @ (limbs[:, 2:] - limbs[:, :2]).mean(axis=1).T
+    moved = np.linalg.norm(limbs[:, 2:] - np.median(limbs[:, 2:], axis=0), axis=-1)
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
-    cost += _student(np.minimum(below.T - HANGING_M, 0.0) / PLANE_M, PLANE_DOF)
-    return np.asarray(cost.mean(axis=1))
+    cost += _student(np.minimum(above - RAISED_M, 0.0) / PLANE_M, PLANE_DOF)
+    return np.asarray(cost.mean(axis=1) + _student(moved / PLANE_M, PLANE_DOF).mean())
 
 
 def _off_middle(

@@ -35,17 +35,16 @@ def posed(bends_deg: dict[str, tuple[float, float, float]], frames: int = 25) ->
     return np.repeat(joints, frames, axis=0)
 
 
-PUSH_UP = {
-    "pelvis": (72.0, 0.0, 0.0),
-    "foot": (-30.0, 0.0, 0.0),
-    "shoulder": (0.0, -75.0, 0.0),
-    "wrist": (0.0, 0.0, 60.0),
-}
 SITTING = {"hip": (-80.0, 0.0, 0.0), "knee": (70.0, 0.0, 0.0)}
 
 
 POSTURES: dict[str, dict[str, tuple[float, float, float]]] = {
-    "push-up": PUSH_UP,
+    "push-up": {
+        "pelvis": (72.0, 0.0, 0.0),
+        "foot": (-30.0, 0.0, 0.0),
+        "shoulder": (0.0, -75.0, 0.0),
+        "wrist": (0.0, 0.0, 60.0),
+    },
     "lying": {"pelvis": (-90.0, 0.0, 0.0)},
     "kneeling": {"knee": (90.0, 0.0, 0.0), "ankle": (40.0, 0.0, 0.0)},
     "handstand": {"pelvis": (180.0, 0.0, 0.0), "shoulder": (0.0, 0.0, 120.0)},
@@ -57,6 +56,8 @@ POSTURES: dict[str, dict[str, tuple[float, float, float]]] = {
     },
     "shoulders on a bench": {"pelvis": (-60.0, 0.0, 0.0), "knee": (50.0, 0.0, 0.0)},
     "hanging": {"shoulder": (0.0, 0.0, 110.0), "hip": (-80.0, 0.0, 0.0)},
+    "on bars": {"pelvis": (20.0, 0.0, 0.0), "shoulder": (0.0, -20.0, -65.0), "knee": (30, 0, 0)},
+    "against a wall": {"pelvis": (35.0, 0.0, 0.0), "shoulder": (0.0, -80.0, 0.0)},
 }
 
 

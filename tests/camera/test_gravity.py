@@ -44,7 +44,6 @@ from tests.camera.standing import (
     LEVEL_CAMERA,
     POSTURES,
     PRIOR,
-    PUSH_UP,
     SITTING,
     angle_deg,
     filmed,
@@ -152,7 +151,7 @@ def test_the_floor_is_under_toes_or_heels_and_not_under_a_hand_that_nobody_sees(
 def test_an_up_on_which_the_witnesses_disagree_is_doubtful() -> None:
     """A push-up towards a level camera, or a man who stands below one that looks down steeply."""
     held = Rotation.from_euler("x", 5, degrees=True).as_matrix() @ LEVEL_CAMERA
-    doubtful = estimate_up([FilmedBody(posed(PUSH_UP), FPS, held)], PRIOR)
+    doubtful = estimate_up([FilmedBody(posed(POSTURES["push-up"]), FPS, held)], PRIOR)
     sure = estimate_up([FilmedBody(standing(), FPS, LEVEL_CAMERA)], PRIOR)
     assert doubtful.sd_deg > 10.0 > 2 * sure.sd_deg
 
