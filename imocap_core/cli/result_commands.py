@@ -36,21 +36,12 @@ def view_command(
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
-    serve: Annotated[
-        bool, typer.Option("--serve", help="Follow a run on a page, until Ctrl-C.")
-    ] = False,
     sets: options.ResultSets = [],  # noqa: B006
 ) -> None:
     """Write the 3D viewer of an action, one HTML file.
 
     Prints the paths of the report and of the viewer, which needs no other file and no network.
-    With --serve, a page on this machine shows what a run has made so far; in the end, the viewer.
     """
-    if serve:
-        if out is not None:
-            raise WrongUse("--serve shows the viewer on a page; leave out --out")
-        _serve(action, options.root_of(context), sets, open_page)
-        return
     from rich.markup import escape
 
     from imocap_core.library.outputs import view
@@ -76,16 +67,6 @@ def view_command(
     page = viewer.file or viewer.report
     if open_page and page is not None and not webbrowser.open(page.resolve().as_uri()):
         raise WorkFailed(f"no browser could be started; open {page} yourself")
-
-
-def _serve(action: str, root: Path, sets: list[str], open_page: bool) -> None:
-    from imocap_core.pick.live import following
-
-    console = options.speaker(markup=False)
-    with following(action, root, sets, console.print) as served:
-        console.print(f"Follow {action} at {served.address}")
-        console.print("The address is for you alone. Ctrl-C ends it.")
-        options.wait_until_done(served, open_page)
 
 
 FileFormat = Literal[

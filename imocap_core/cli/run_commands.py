@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,7 +24,7 @@ from imocap_core.cli.options import (
     speaker,
     stage_names,
 )
-from imocap_core.errors import ImocapError, WrongUse
+from imocap_core.errors import WrongUse
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,9 +54,6 @@ def run_command(
         str | None, typer.Option(help="Stop after this stage.", autocompletion=stage_names)
     ] = None,
     device: Device = "cpu",
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Of one folder: run again when clips come or go.")
-    ] = False,
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
@@ -67,12 +63,6 @@ def run_command(
     from imocap_core.process import check_device
 
     check_device(device)  # before an action is made of videos
-    if watch:
-        if as_json or len(words) != 1 or not Path(words[0]).is_dir():
-            raise WrongUse("--watch: expected one folder of videos, and no --json")
-        ask_about_scripts(context)
-        options = {"params": sets, "until": until, "device": device}
-        _watch(root_of(context), Path(words[0]), name, verbose, options)
     action, remarks = action_of_words(root_of(context), words, name)
     console = speaker()
     if not as_json:
@@ -95,28 +85,6 @@ def run_command(
         print_json(run_document(replace(done, notes=[*remarks, *done.notes])))
     else:
         _print_summary(console, done, verbose)
-
-
-def _watch(
-    root: Path, folder: Path, name: str | None, verbose: bool, options: dict[str, Any]
-) -> None:
-    """Run the action of a folder whenever its videos have changed, until Ctrl-C."""
-    from imocap_core.library import watching
-    from imocap_core.library.running import run_action
-
-    console, plain = speaker(), speaker(markup=False)
-    plain.print(f"Watching {folder}; Ctrl-C ends it.")
-    for _ in watching.settled_changes(folder):
-        try:
-            name = watching.bring_up_to_date(root, folder, name)
-            before = watching.last_result(root, name)
-            with progress_on(console, verbose=verbose) as display:
-                done = run_action(name, root=root, progress=display, **options)
-            _print_summary(console, done, verbose)
-            if (after := watching.last_result(root, name)) is not None:
-                plain.print(watching.compared(before, after))
-        except ImocapError as error:  # too few clips yet, or a bad one: others may come
-            plain.print(str(error))
 
 
 def stage_command(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -24,6 +24,7 @@ from imocap_core.pipeline.action import (
     repeated_paths,
 )
 from imocap_core.pipeline.builtin_actions import BUILT_IN
+from imocap_core.pipeline.yaml_file import edited_text
 from imocap_core.sync_sources import VideoSource, ascii_name, labels
 from imocap_core.workspace import Workspace, is_action
 
@@ -201,7 +202,8 @@ def _write_action(name: str, folder: Path, files: Sequence[Path]) -> None:
 def action_of_videos(root: Path, name: str | None, paths: Sequence[Path]) -> tuple[str, list[str]]:
     """The name of the action of just these videos, made when there is none; and remarks on files.
 
-    paths: files, or folders of files; an action of one folder is named after it.
+    paths: files, or folders of files; an action of one folder is named after it. The action of
+        folders takes clips that have come, and drops those that have gone.
 
     WrongUse when a file cannot be used, or another action has the name.
     """
@@ -211,11 +213,37 @@ def action_of_videos(root: Path, name: str | None, paths: Sequence[Path]) -> tup
     if not (folder / FILE_NAME).is_file():
         _write_action(name, folder, files)
         return name, [*remarks, f"Wrote {folder / FILE_NAME}{_in_words(files)}."]
-    declared = [v.video for v in read_action(folder).videos]
-    there = [None if v is None else (folder / v).resolve() for v in declared]
-    if there != [file.resolve() for file in files]:
+    declared = {v.id: v.video for v in read_action(folder).videos}
+    places = {i: (folder / v).resolve() for i, v in declared.items() if v is not None}
+    given = {file.resolve(): file for file in files}
+    if len(places) == len(declared) and [*places.values()] == [*given]:
+        return name, remarks
+    elsewhere = [i for i in declared if i not in places or places[i] not in given]
+    gone = [i for i in elsewhere if i in places and not places[i].is_file()]
+    if gone != elsewhere or not all(path.is_dir() for path in paths):
         raise WrongUse(f"{folder / FILE_NAME} is of other videos; choose another name")
-    return name, remarks
+    fresh = [file for place, file in given.items() if place not in places.values()]
+    return name, [*remarks, _updated(folder, fresh, gone, [*declared])]
+
+
+def _updated(folder: Path, fresh: Sequence[Path], gone: Sequence[str], ids: Sequence[str]) -> str:
+    """Declare new videos in an action.yaml, and those no longer that are gone; all else in it
+    stays. A sentence on both; ids: all that are declared."""
+    entries = [
+        {"id": i, "video": declared_path(file, folder), "keypoints": DETECT}
+        for i, file in zip(free_labels(fresh, ids), fresh, strict=True)
+    ]
+
+    def change(content: Any) -> None:
+        for n in reversed(range(len(ids))):
+            if ids[n] in gone:
+                del content["videos"][n]
+        content["videos"].extend(entries)
+
+    text = (folder / FILE_NAME).read_text(encoding="utf-8")
+    write_whole(folder / FILE_NAME, edited_text(text, change))
+    changes = [f"+{entry['id']}" for entry in entries] + [f"-{i}" for i in gone]
+    return f"{folder / FILE_NAME}: {' '.join(changes)}, as the folder has changed."
 
 
 def action_of_words(root: Path, words: Sequence[str], name: str | None) -> tuple[str, list[str]]:

@@ -32,7 +32,7 @@ from imocap_core.library.new_action import action_of_videos
 from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import repeated_files
-from imocap_core.pipeline.generation import AT_WORK, LAST_RUN
+from imocap_core.pipeline.generation import LAST_RUN
 from imocap_core.pipeline.runner import Display, Job, Outcome
 from imocap_core.process import CPU, check_device
 from imocap_core.version import __version__
@@ -119,7 +119,6 @@ def _stored_in(outcomes: Sequence[Outcome]) -> dict[str, Stored]:
 
 LARGE = ("initial_smpl", "sync", "smpl_ba", "refine_sync", "uncertainty")  # stages, in memory
 FORMAT = 1  # rises when a field changes its meaning or goes
-NOTE_EVERY_S = 1.0  # of what a stage is doing
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless", "av", "mcap", "pydantic")
 
 
@@ -179,23 +178,16 @@ def versions() -> dict[str, str]:
 
 
 class LoggedDisplay:
-    """A `Display` that also notes which stages have ended and, for who follows the run, what it is
-    doing; and says when memory may not suffice."""
+    """A `Display` that also notes which stages have ended, and says when memory may not suffice."""
 
     def __init__(self, display: Display, log: RunLog) -> None:
-        self._log, self._memory_known, self._stage, self._noted = log, False, "", 0.0
-        self.notice, self.made_demo, self.waiting = (
-            display.notice,
-            display.made_demo,
-            display.waiting,
-        )
-        self._display = display
+        self._log, self._memory_known, self._display = log, False, display
+        self.notice, self.made_demo = display.notice, display.made_demo
+        self.waiting, self.progress = display.waiting, display.progress
 
     def started(self, stage: str, why: list[str]) -> None:
         """A stage begins; before the first that needs much memory, what it is expected to need."""
         self._display.started(stage, why)
-        self._stage, self._noted = stage, 0.0
-        self._note(0.0, "")
         stored = {outcome.stage: outcome.stored for outcome in self._log.outcomes}
         if self._memory_known or stage not in LARGE or "keypoints" not in stored:
             return
@@ -203,18 +195,6 @@ class LoggedDisplay:
         if sentence := memory_notice(frames_of(stored["keypoints"]), available_bytes()):
             self._log.notes.append(sentence)
             self.notice(sentence)
-
-    def progress(self, share: float, what: str) -> None:
-        """The running stage has done this share of its work."""
-        self._display.progress(share, what)
-        if time.monotonic() - self._noted > NOTE_EVERY_S:
-            self._note(share, what)
-
-    def _note(self, share: float, what: str) -> None:
-        self._noted, job = time.monotonic(), self._log.job
-        with suppress(OSError):  # a store on a disk that can only be read
-            document = {"stage": self._stage, "share": share, "what": what}
-            write_whole(job.store.folder / job.action.name / AT_WORK, json.dumps(document))
 
     def finished(self, outcome: Outcome) -> None:
         """A stage has its artifact."""
@@ -243,9 +223,7 @@ def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
         warnings.showwarning = show
         with suppress(OSError):  # a store on a disk that can only be read
             text = json.dumps(log.document(error), indent=1, ensure_ascii=False, default=str)
-            folder = job.store.folder / job.action.name
-            write_whole(folder / LAST_RUN, text + "\n")
-            (folder / AT_WORK).unlink(missing_ok=True)
+            write_whole(job.store.folder / job.action.name / LAST_RUN, text + "\n")
         save_memory(job.store.folder)
 
 

@@ -127,4 +127,3 @@ def _variant(job: Job, stale: list[Stale]) -> str:
 
 
 LAST_RUN = "run.json"  # the record of the action's last run (`library.running`)
-AT_WORK = "at_work.json"  # what a run is doing now, while it goes on

@@ -261,16 +261,6 @@ def write_viewer(
     return True
 
 
-def unfinished_viewer(result: ActionResult) -> str:
-    """The page of a motion before the run's end, as text.
-
-    WorkFailed names the artifact that is missing or unreadable.
-    """
-    block, hands = html.Block(), any(video.hands is not None for video in result)
-    model = body_model(result.model, result.action, hands)
-    return viewer.page(scene(result, model, block, small=True), block, "")
-
-
 def _stamp(result: ActionResult, small: bool) -> str:
     """Digest of all that the page is made from; of videos, their sizes."""
     total = hashlib.sha256(f"{viewer.sources()}{small or ''}".encode())

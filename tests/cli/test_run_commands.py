@@ -164,7 +164,6 @@ def test_it_is_said_once_and_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     log.outcomes, log.notes = [], []
     monkeypatch.setattr(running, "frames_of", lambda keypoints: [7200, 7200])
     monkeypatch.setattr(running, "available_bytes", lambda: 10**9)
-    monkeypatch.setattr(LoggedDisplay, "_note", lambda self, share, what: None)
     display = LoggedDisplay(shown, log)
     display.started("initial_smpl", ["a"])  # the number of frames is not known yet
     outcome: Any = SimpleNamespace(stage="keypoints", stored=None)

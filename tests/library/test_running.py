@@ -4,7 +4,6 @@ exceptions."""
 import json
 import shutil
 from collections.abc import Callable
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import imocap
 from imocap_core.cli import main
 from imocap_core.cli.options import plain
 from imocap_core.errors import WrongUse
-from imocap_core.library import watching
+from imocap_core.library import new_action
 from imocap_core.library.api_errors import one_off
 from imocap_core.library.run_document import run_document
 from imocap_core.library.running import run_action
@@ -207,26 +206,12 @@ def test_an_early_end_leaves_out_what_was_not_reached(small_run: SmallRun) -> No
     assert early["sync"]["reference"] in small_run.result.ids
 
 
-def test_a_file_that_grows_is_waited_for(tmp_path: Path) -> None:
-    sizes, waits = [1, 2, 3], 0
-
-    def wait(seconds: float) -> None:
-        nonlocal waits
-        waits += 1
-        if sizes:
-            (tmp_path / "a.mp4").write_bytes(b"x" * sizes.pop(0))
-
-    list(islice(watching.settled_changes(tmp_path, wait), 1))
-    assert waits == 4  # three sizes, and once more the last
-    assert (tmp_path / "a.mp4").stat().st_size == 3
-
-
 def test_an_action_takes_new_clips_and_keeps_what_it_has(tmp_path: Path) -> None:
     clips = tmp_path / "clips"
     (clips / "more").mkdir(parents=True)
 
     def ids_then(name: str | None) -> list[str]:
-        action = watching.bring_up_to_date(tmp_path, clips, name)
+        action, _ = new_action.action_of_videos(tmp_path, name, [clips])
         assert action == (name or "clips")
         return [video.id for video in read_action(tmp_path / "actions" / action).videos]
 
@@ -244,7 +229,7 @@ def test_an_action_takes_new_clips_and_keeps_what_it_has(tmp_path: Path) -> None
     assert "event: true  # one performance" in file.read_text()
     before = ids_then(None)
     write_video(clips / "c.mp4")
-    assert ids_then(None) == [*before, "c"]  # watched again
+    assert ids_then(None) == [*before, "c"]
     assert ids_then("serve") == ["a", "v1", "v2", "c"]
     unchanged = file.read_bytes()
     assert ids_then("serve") == ["a", "v1", "v2", "c"]
