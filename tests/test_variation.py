@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.biomechanics.joint_angles import mean_curve
-from imocap_core.variation import Modes, Variation, held_out_errors, modes, number_of_modes
+from imocap_core.motion.multiview.modes import Modes, held_out_errors, modes, number_of_modes
+from imocap_core.variation import Variation
 
 M, N, J, FPS = 12, 60, 5, 30.0
 PHASE = np.linspace(0, 2, N)

@@ -12,6 +12,7 @@ from imocap_core.biomechanics.joint_angles import MeanCurve, joint_angles_deg, m
 from imocap_core.body import Shaped
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
+from imocap_core.motion.multiview.modes import Modes, held_out_errors, modes, number_of_modes
 from imocap_core.motion.multiview.timeline import frame_positions, sample_rotations, values_at
 from imocap_core.params import SyncParams
 from imocap_core.result.body import body_model, local_rotations
@@ -34,7 +35,7 @@ from imocap_core.technique import (
     to_the_front,
     turned_by,
 )
-from imocap_core.variation import Modes, Variation, held_out_errors, modes, number_of_modes
+from imocap_core.variation import Variation
 
 _BODY_JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
 

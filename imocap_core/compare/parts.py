@@ -30,8 +30,9 @@ from imocap_core.compare.compare import (
     expected_error_deg,
 )
 from imocap_core.files import write_csv
+from imocap_core.motion.multiview.modes import LEAST_PERFORMANCES, Modes
 from imocap_core.technique import SD_APART, MotionDifference, in_words, largest
-from imocap_core.variation import LEAST_PERFORMANCES, Modes, Variation
+from imocap_core.variation import Variation
 
 _LEAST_LATE_S = 0.1
 _OF_TWO, _OF_EACH = 8, 3  # sentences about two performers, and about each performance

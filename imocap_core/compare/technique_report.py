@@ -24,9 +24,10 @@ from imocap_core.compare.parts import (
 )
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import VIDEO_COLORS
+from imocap_core.motion.multiview.modes import Modes
 from imocap_core.result.video import VideoResult
 from imocap_core.technique import MotionDifference, plain_angle
-from imocap_core.variation import Modes, Variation
+from imocap_core.variation import Variation
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.html import Block, Entry, model_entry, shape_entry
 from imocap_core.viewer.viewer_video import picture_entry, stride, windows

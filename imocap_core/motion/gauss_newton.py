@@ -284,6 +284,7 @@ def merge_batch(batch: MotionState, motions: Sequence[MotionState]) -> MotionSta
         camera_R=torch.cat([m.camera_R for m in motions]),
         camera_t=torch.cat([m.camera_t for m in motions]),
         log_focal=torch.cat([m.log_focal for m in motions]),
+        scores=torch.cat([m.scores for m in motions]),
         other_betas=torch.cat([m.other_betas for m in motions]),
     )
 

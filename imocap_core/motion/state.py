@@ -49,6 +49,7 @@ class MotionState:
         camera_R: (B, C, 3, 3), camera_t: (B, C, 3) free cameras from the state's axes; C may be 0.
         log_focal: (B, F) free focal lengths, logarithms over those of their views; F may be 0.
         other_betas: (B, P - 1, 10) shapes of P performers but the first, whose is ``betas``.
+        scores: (B, V, k) of V performances in k modes of variation (`multiview.modes`).
     """
 
     R_local: Float[Tensor, "B T 24 3 3"]
@@ -59,6 +60,7 @@ class MotionState:
     camera_t: Float[Tensor, "B C 3"]
     log_focal: Float[Tensor, "B F"]
     other_betas: Float[Tensor, "B p 10"]
+    scores: Float[Tensor, "B V k"]
 
     @classmethod
     def of(
@@ -72,7 +74,8 @@ class MotionState:
         none = trans.new_zeros(len(trans), 0, 3)
         no_rotation, no_focal = none[..., None].expand(-1, 0, 3, 3), none[..., 0]
         no_other = betas.new_zeros(len(betas), 0, betas.shape[1])
-        return cls(R_local, trans, betas, valid, no_rotation, none, no_focal, no_other)
+        free = no_rotation, none, no_focal, no_other, none[..., :0]
+        return cls(R_local, trans, betas, valid, *free)
 
     def cached(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
         """What ``owners`` compute from this state, computed at the first request.
@@ -109,7 +112,7 @@ class MotionState:
     @property
     def unknown_globals(self) -> int:
         """Number of unknowns that all frames share: 10 of shape, 6 a camera, 1 a focal length, 10
-        of every other performer's shape."""
+        of every other performer's shape, 1 a score."""
         return sum(self._global_sizes)
 
     @property
@@ -120,6 +123,7 @@ class MotionState:
             cameras,
             focal_lengths,
             self.other_betas.shape[1] * self.betas.shape[1],
+            self.scores[0].numel(),
         ]
 
     def camera_columns(self, camera: int) -> slice:
@@ -130,6 +134,12 @@ class MotionState:
     def focal_column(self, focal: int) -> int:
         """Index of a free focal length among the globals."""
         return self.betas.shape[1] + 6 * self.camera_t.shape[1] + focal
+
+    def score_columns(self, performance: int) -> slice:
+        """Indices of a performance's scores among the globals."""
+        modes = self.scores.shape[2]
+        start = sum(self._global_sizes[:4]) + performance * modes
+        return slice(start, start + modes)
 
     def of_frames(self, frames: slice) -> MotionState:
         """Some frames of every motion."""
@@ -166,7 +176,8 @@ class MotionState:
         """
         d_frames = torch.where(self.valid[..., None], d_frames, 0.0)
         delta = d_frames[..., :POSE].reshape(*self.R_local.shape[:-2], 3)
-        d_betas, d_cameras, d_focal, d_other = d_globals.split(self._global_sizes, dim=1)
+        changes = d_globals.split(self._global_sizes, dim=1)
+        d_betas, d_cameras, d_focal, d_other, d_scores = changes
         change = d_cameras.reshape(*self.camera_t.shape[:2], 6)
         turned = exp(change[..., :3]) @ self.camera_R
         before, after = (
@@ -181,6 +192,7 @@ class MotionState:
             camera_t=self.camera_t + change[..., 3:] + before - after,
             log_focal=self.log_focal + d_focal,
             other_betas=self.other_betas + d_other.view_as(self.other_betas),
+            scores=self.scores + d_scores.view_as(self.scores),
         )
 
     def pivot(self) -> Float[Tensor, "B 3"]:

@@ -24,6 +24,7 @@ from imocap_core.motion.terms import (
     PosePriorTerm,
     PoseSmoothness,
     Reprojection,
+    ScorePrior,
     ShapePrior,
     Term,
     View,
@@ -50,7 +51,7 @@ def normal(*size: int, seed: int = 0, spread: float = 1.0) -> torch.Tensor:
 @pytest.fixture(scope="module")
 def state() -> MotionState:
     """Two motions of five frames, one padded frame, one free camera, two free focal lengths, two
-    performers."""
+    performers, two performances' scores in three modes."""
     valid = torch.ones(B, T, dtype=torch.bool)
     valid[1, 4] = False
     return MotionState(
@@ -62,6 +63,7 @@ def state() -> MotionState:
         normal(B, 1, 3, seed=4, spread=0.1),
         normal(B, 2, seed=16, spread=0.1),
         normal(B, 1, 10, seed=17, spread=0.3),
+        normal(B, 2, 3, seed=21),
     )
 
 
@@ -105,6 +107,15 @@ def of_two_performers(body: Body, state: MotionState) -> Reprojection:
     return Reprojection(body, every, 30.0)
 
 
+def of_performances(body: Body, state: MotionState) -> Reprojection:
+    """Views of performances that differ in modes, with and without rigid offsets and cameras."""
+    (offset,) = with_rigid_offsets(body, state).views
+    known, free, *_ = reprojection(body, state).views  # type: ignore[attr-defined]
+    shifts = normal(B, T, POINTS, 3, 3, seed=22, spread=0.02)
+    both = [replace(v, shifts=shifts, performance=p) for p, v in enumerate((offset, known))]
+    return Reprojection(body, (*both, replace(free, shifts=shifts)), 30.0)
+
+
 def pose_prior(_: Body, __: MotionState) -> Term:
     rng = np.random.default_rng(0)
     factor = 0.1 * rng.standard_normal((3, 69, 69))
@@ -116,6 +127,8 @@ def pose_prior(_: Body, __: MotionState) -> Term:
 TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
     "reprojection of two performers": of_two_performers,
+    "reprojection of performances": of_performances,
+    "score prior": lambda b, s: ScorePrior(),
     "pose prior": pose_prior,
     "shape prior": lambda b, s: ShapePrior.of_body(b.model, 2.0, 5.0, 9.0),
     "focal prior": lambda b, s: FocalPrior(
@@ -242,25 +255,17 @@ def test_padding_takes_no_part(name: str, body: Body, state: MotionState) -> Non
     term = TERMS[name](body, state)
     moved = state.trans.clone()
     moved[1, 4] += 0.5
-    other = MotionState(
-        *(state.R_local, moved, state.betas, state.valid),
-        *(state.camera_R, state.camera_t, state.log_focal, state.other_betas),
-    )
+    other = replace(state, trans=moved)
     assert torch.allclose(term.cost(state), term.cost(other), rtol=1e-12)
 
 
 def test_slow_feet_stand_and_fast_ones_swing(body: Body) -> None:
     still = torch.zeros(1, 30, 3).double()
-    walking = still.clone()
-    walking[..., 0] = torch.arange(30).double() * (1.5 / 30)  # the whole body at 1.5 m/s
-    generator = torch.Generator().manual_seed(0)
-    jitter = 0.01 * torch.randn(1, 30, 3, generator=generator, dtype=torch.float64)
-    upright = torch.eye(3).double().expand(1, 30, 24, 3, 3)
-    valid = torch.ones(1, 30, dtype=torch.bool)
+    walking = 1.5 / 30 * torch.arange(30).double()[:, None].expand(1, 30, 3)  # the whole body, m/s
+    jitter = normal(1, 30, 3, spread=0.01)
 
     def share(trans: torch.Tensor) -> torch.Tensor:
-        state = MotionState.of(upright, trans, torch.zeros(1, 10).double(), valid)
-        return foot_contact_share(body, state, 30.0, speed_m_s=0.2)
+        return foot_contact_share(body, moving_along(trans[0]), 30.0, speed_m_s=0.2)
 
     assert float(share(still).min()) == 1.0
     assert float(share(walking).max()) < 0.01

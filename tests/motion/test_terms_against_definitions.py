@@ -19,7 +19,7 @@ from imocap_core.motion.terms.view import (
 )
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
-from tests.motion.test_terms import B, T, normal, reprojection, seen, state, with_rigid_offsets
+from tests.motion.test_terms import TERMS, B, T, normal, seen, state, with_rigid_offsets
 
 __all__ = ["state"]  # a fixture
 
@@ -103,6 +103,10 @@ def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
             pixels, _ = project(view, xyz)
             grows = residual * (pixels - centre) / (pixels - view.xy_px)
             rows[..., FRAME_UNKNOWNS + state.focal_column(view.focal)] = grows
+        if view.shifts is not None:
+            scores = state.score_columns(view.performance)
+            columns = slice(FRAME_UNKNOWNS + scores.start, FRAME_UNKNOWNS + scores.stop)
+            rows[..., columns] = turned @ view.shifts
         if view.offset_precision is not None:
             rows[..., -6:] = by_rigid_offset(by_point, xyz, pivot, d)
         flat = rows.flatten(2, 3)
@@ -120,7 +124,8 @@ def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
 
 
 def test_views_gathered_by_their_points_are_their_rows(body: Body, state: MotionState) -> None:
-    for term in (reprojection(body, state), two_offset_views(body, state)):
+    by_name = (TERMS[f"reprojection{of}"](body, state) for of in ("", " of performances"))
+    for term in (*by_name, two_offset_views(body, state)):
         expected = rows_of(term, state)
         found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
         term.add_to(found, state)

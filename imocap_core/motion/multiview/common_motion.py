@@ -38,7 +38,7 @@ from imocap_core.motion.multiview.scene import (
 )
 from imocap_core.motion.multiview.timeline import sample_keypoints
 from imocap_core.motion.state import Body, MotionState
-from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Term, View
+from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, ScorePrior, Term, View
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
@@ -105,7 +105,9 @@ def views_of(
 ) -> tuple[View, ...]:
     """One view a video; template: gives dtype and device."""
     free, free_focal = list(unknowns.cameras), list(unknowns.videos)
-    views = []
+    views, shifts = [], None
+    if keypoints.shifts_m is not None:
+        shifts = torch.as_tensor(keypoints.shifts_m).to(template).permute(1, 2, 3, 0)[None]
     for v in range(len(keypoints.xy_px)):
         arrays = (keypoints.xy_px[v], keypoints.weight[v], cameras.K[v])
         xy, weight, K = (torch.as_tensor(a).to(template)[None] for a in arrays)
@@ -118,7 +120,8 @@ def views_of(
         performer = keypoints.performers[v] if keypoints.performers else 0
         places = keypoints.centre_m
         centre = None if places is None else torch.as_tensor(places[v]).to(template)[None]
-        views.append(View(xy, weight, K, R, t, camera, focal, precision, performer, centre))
+        shown = (performer, centre, shifts, v)
+        views.append(View(xy, weight, K, R, t, camera, focal, precision, *shown))
     return tuple(views)
 
 
@@ -345,6 +348,7 @@ def fit_in_stages(
     *,
     cameras_known: bool,
     restart: bool,
+    shifts_m: Float[np.ndarray, "k N K 3"] | None = None,
 ) -> CommonFit:
     """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
 
@@ -352,6 +356,7 @@ def fit_in_stages(
         state: every video's motion, whose consensus is the start; cameras: where they begin, or
             where they are and stay (``cameras_known``).
         restart: pass through the wide robust scales; else the start has done so before.
+        shifts_m: of the modes in which the performances differ (`modes.mode_shifts`).
     """
     start = consensus_motion(scene, state, cameras, options.agreement_rad)
     keypoints, unknowns = scene.keypoints, NO_UNKNOWNS
@@ -359,6 +364,9 @@ def fit_in_stages(
         unknowns = unknowns_of(scene, [v for v in range(len(cameras.R)) if v != scene.reference])
     if options.objective != "single":
         keypoints = with_initial_offsets(scene, options)
+    if shifts_m is not None:
+        keypoints = replace(keypoints, shifts_m=shifts_m)
+        start = replace(start, scores=start.trans.new_zeros(1, len(cameras.R), len(shifts_m)))
     final = scene.fit.robust_scale_sigma
     views = CommonViews(scene.body, keypoints, cameras, final * WIDE)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
@@ -379,10 +387,16 @@ def fit_in_stages(
         spread_m = keypoint_spread_m(replace(views, robust_scale=final), motion, scene.fps)
         costs.append(solution.costs[-1])
         status = solution.status
+    of_each = None
+    if shifts_m is not None:
+        of_each = np.einsum("mk,knpx->mnpx", motion.scores[0].cpu().numpy(), shifts_m)
+        spread_m = np.sqrt(spread_m**2 + np.square(of_each).mean(-1))
+        motion = replace(motion, scores=motion.scores[:, :0])
     sd = views.keypoints.offset_sd
-    spread = None if sd is None else DeviationSpread(spread_m, sd)
+    spread = None if sd is None else DeviationSpread(spread_m, sd, of_each)
     spread = spread or estimate_spread(scene, motion, cameras, options)
-    return CommonFit(motion, cameras, spread, costs, status, misfit(scene, motion, cameras, sd))
+    unexplained = misfit(scene, motion, cameras, sd)
+    return CommonFit(motion, cameras, spread, costs, status, unexplained)
 
 
 def estimate_spread(
@@ -413,7 +427,8 @@ def common_problem(
     all_ = views_of(views.keypoints, cameras, start.trans, unknowns)
     halves = [all_[k::HALVES] for k in range(min(HALVES, len(all_)))]
     image = [Reprojection(views.body, half, views.robust_scale) for half in halves]
-    return [*image, *unknowns.prior(cameras.K)], state
+    scores = [] if views.keypoints.shifts_m is None else [ScorePrior()]
+    return [*image, *unknowns.prior(cameras.K), *scores], state
 
 
 def fit_common_motion(
@@ -445,7 +460,8 @@ def fit_common_motion(
     R[index], t[index] = state.camera_R[0], state.camera_t[0]
     K = unknowns.intrinsics(cameras.K, state.log_focal[0])
     motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
-    return replace(motion, other_betas=state.other_betas), Cameras(R, t, K), solution
+    motion = replace(motion, other_betas=state.other_betas, scores=state.scores)
+    return motion, Cameras(R, t, K), solution
 
 
 def misfit(

@@ -120,7 +120,11 @@ def coupling_terms(
 
 
 def position_coupling(
-    body: Body, targets: CouplingTargets, state: MotionState, weight: Float[Tensor, "B T K"]
+    body: Body,
+    targets: CouplingTargets,
+    state: MotionState,
+    weight: Float[Tensor, "B T K"],
+    shifts: Float[Tensor, "B T K 3"],
 ) -> JointEvidence:
     """Positions of the limbs' keypoints and the nose, coupled to the target's after the best
     rotation and shift of each frame.
@@ -130,14 +134,25 @@ def position_coupling(
 
     Args:
         state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
+        shifts: of the keypoints from the targets, metres, by the modes of variation.
     """
     names = body.keypoints.names  # of several layouts, where videos differ in them
     share = weight.new_tensor([(name in COUPLED) / names.count(name) for name in names])
     posed = replace(state, R_local=targets.R_local)
-    xyz = body.positions(body.keypoints, posed).detach()
+    xyz = body.positions(body.keypoints, posed).detach() + shifts
     return JointEvidence(
         body, xyz, targets.trust[..., None] * weight * share, UNBOUNDED, of_keypoints=True
     )
+
+
+def shifts_at_video_frames(
+    scene: Scene, cameras: Cameras, spread: DeviationSpread, state: MotionState
+) -> Float[Tensor, "B T K 3"]:
+    """What the modes tell of each performance, in its camera's axes; 0 if unmatched."""
+    if spread.shifts_m is None:
+        return state.trans.new_zeros(*state.valid.shape, len(scene.body.keypoints.names), 3)
+    turned = torch.as_tensor(spread.shifts_m).to(cameras.R) @ cameras.R.mT[:, None]
+    return to_video_frames(turned.flatten(2), scene.timeline, state).unflatten(-1, (-1, 3))
 
 
 def to_video_frames(
@@ -304,7 +319,7 @@ def fit_deviations(
         astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
-    terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
+    terms += deviation_terms(scene, carried, common, targets, spread, options, faces, cameras)
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
 
@@ -317,6 +332,7 @@ def deviation_terms(
     spread: DeviationSpread,
     options: MotionParams,
     faces: Float[Tensor, "B T"],
+    cameras: Cameras,
 ) -> list[Term]:
     """Coupling to the common motion, a deviation counted once per correlation time.
 
@@ -333,13 +349,14 @@ def deviation_terms(
     joint_weight[..., 0] *= faces
     variance = torch.as_tensor(spread.offset_sd[:, 3:4] ** 2).to(start.trans)
     path_weight = 1 / ((variance + place_variance(scene.observations, start.trans)) * frames)
-    of_positions = 1 / (pooled_spread_m(spread.keypoints_m) ** 2 * frames)
+    of_positions = 1 / (pooled_spread_m(spread.beyond_modes_m) ** 2 * frames)
     position_weight = to_video_frames(
         torch.as_tensor(of_positions).to(start.trans), scene.timeline, start
     )
+    shifts = shifts_at_video_frames(scene, cameras, spread, start)
     return [
         *coupling_terms(scene.body, targets, start, joint_weight, path_weight),
-        position_coupling(scene.body, targets, start, position_weight),
+        position_coupling(scene.body, targets, start, position_weight, shifts),
     ]
 
 

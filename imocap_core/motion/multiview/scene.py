@@ -100,6 +100,8 @@ class CommonKeypoints:
             of them moves.
         place_sd_m: (M, N) standard deviations of the performers' places that come of the cameras'
             uncertain paths, or None.
+        shifts_m: (k, N, K, 3) of the keypoints in the world's axes, at a score of 1 in each mode
+            in which the performances differ (`multiview.modes`), or None: no modes.
     """
 
     xy_px: Float[np.ndarray, "M N K 2"]
@@ -109,6 +111,7 @@ class CommonKeypoints:
     performers: tuple[int, ...] = ()
     centre_m: Float[np.ndarray, "M N 3"] | None = None
     place_sd_m: Float[np.ndarray, "M N"] | None = None
+    shifts_m: Float[np.ndarray, "k N K 3"] | None = None
 
     def moves(self, video: int) -> bool:
         """Whether the path of a video's camera is known."""
@@ -215,10 +218,26 @@ class DeviationSpread:
         keypoints_m: (M, N, K) of each keypoint, per coordinate, metres.
         offset_sd: (M, 6) of the per-frame rigid offset: three rotations (rad), three translations
             (m).
+        shifts_m: (M, N, K, 3) of that, what the modes tell of each performance, in the world's
+            axes, or None: no modes.
     """
 
     keypoints_m: Float[np.ndarray, "M N K"]
     offset_sd: Float[np.ndarray, "M 6"]
+    shifts_m: Float[np.ndarray, "M N K 3"] | None = None
+
+    @property
+    def beyond_modes_m(self) -> Float[np.ndarray, "M N K"]:
+        """Of each keypoint from where the modes tell that it is, per coordinate."""
+        if self.shifts_m is None:
+            return self.keypoints_m
+        variance = self.keypoints_m**2 - np.square(self.shifts_m).mean(-1)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    def of_frames(self, frames: slice) -> DeviationSpread:
+        """Of some frames of the common motion."""
+        shifts = None if self.shifts_m is None else self.shifts_m[:, frames]
+        return replace(self, keypoints_m=self.keypoints_m[:, frames], shifts_m=shifts)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from jaxtyping import Float, Int
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import CommonFit, fit_in_stages
 from imocap_core.motion.multiview.low_rank import alternated
+from imocap_core.motion.multiview.modes import mode_shifts
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import (
@@ -78,11 +79,10 @@ def within_reference(motion: JointMotion, axis: Axis) -> JointMotion:
     """A motion solved on a continued axis, its common motion at the reference's frames alone."""
     if axis.before + axis.after == 0 or motion.common is None or motion.spread is None:
         return motion
-    keypoints_m = motion.spread.keypoints_m[:, axis.of_reference]
     return replace(
         motion,
         common=motion.common.uncached().of_frames(axis.of_reference),
-        spread=replace(motion.spread, keypoints_m=keypoints_m),
+        spread=motion.spread.of_frames(axis.of_reference),
     )
 
 
@@ -148,10 +148,12 @@ def recover_motion(
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it, on an axis that may reach
     beyond the reference. Arguments as of `solve_jointly`, of two videos or more."""
-    restart = restart or cameras is None
     scene, axis = continued(scene)
-    begun = _begun(scene, start, cameras)
-    motion = common_then_deviations(*begun, options, progress, restart=restart)
+    begun, shifts_m = _begun(scene, start, cameras), None
+    if cameras is not None:
+        shifts_m = mode_shifts(*begun, options.agreement_rad)
+    restart = restart or cameras is None
+    motion = common_then_deviations(*begun, options, progress, restart=restart, shifts_m=shifts_m)
     return within_reference(motion, axis)
 
 
@@ -174,6 +176,7 @@ def common_then_deviations(
     *,
     cameras_known: bool = False,
     restart: bool = True,
+    shifts_m: Float[np.ndarray, "k N K 3"] | None = None,
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it.
 
@@ -182,10 +185,10 @@ def common_then_deviations(
         cameras: where they start, or where they are and stay (``cameras_known``).
         restart: begin at the widest robust scale; else state and cameras are an earlier result of
             this function, and it goes on where that stopped.
+        shifts_m: of the modes in which the performances differ, from an earlier result.
     """
-    common = fit_in_stages(
-        scene, state, cameras, options, progress, cameras_known=cameras_known, restart=restart
-    )
+    how = {"cameras_known": cameras_known, "restart": restart}
+    common = fit_in_stages(scene, state, cameras, options, progress, shifts_m=shifts_m, **how)
     progress("each video's own deviation")
     solved = scene.with_intrinsics(common.cameras)
     given = solved, state, common.motion, common.cameras, common.spread, options

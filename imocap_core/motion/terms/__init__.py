@@ -5,7 +5,13 @@ solver sums terms and uses nothing else of them.
 """
 
 from imocap_core.motion.terms.base import Term
-from imocap_core.motion.terms.body_priors import FocalPrior, HingeLimits, PosePriorTerm, ShapePrior
+from imocap_core.motion.terms.body_priors import (
+    FocalPrior,
+    HingeLimits,
+    PosePriorTerm,
+    ScorePrior,
+    ShapePrior,
+)
 from imocap_core.motion.terms.contact import FootContact
 from imocap_core.motion.terms.coupling import JointEvidence, PathCoupling, PoseCoupling
 from imocap_core.motion.terms.reprojection import Reprojection
@@ -24,6 +30,7 @@ __all__ = [
     "PosePriorTerm",
     "PoseSmoothness",
     "Reprojection",
+    "ScorePrior",
     "ShapePrior",
     "Term",
     "View",

@@ -1,4 +1,4 @@
-"""Priors: pose, shape, limits of hinges, focal lengths.
+"""Priors: pose, shape, limits of hinges, focal lengths, scores in modes of variation.
 
 The shape prior: beta ~ N(0, 1). Every fitter needs one; the paper does not print it. Images tell
 proportions, not size: a small person near the camera looks like a tall one far away. Nor do they
@@ -238,3 +238,17 @@ class FocalPrior(OneForAll):
         columns = slice(first, first + len(self.weight))
         torch.diagonal(normal.corner, dim1=-2, dim2=-1)[:, columns] += self.weight
         normal.corner_gradient[:, columns] += self.weight * (state.log_focal - self.assumed)
+
+
+class ScorePrior(OneForAll):
+    """Scores of performances are normal, their variance 1."""
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        return state.scores.square().sum((1, 2))
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """A constant diagonal."""
+        columns = slice(state.score_columns(0).start, state.unknown_globals)
+        torch.diagonal(normal.corner, dim1=-2, dim2=-1)[:, columns] += 1.0
+        normal.corner_gradient[:, columns] += state.scores.flatten(1)

@@ -184,7 +184,8 @@ class ViewResiduals:
         residual: (B, T, R).
         by_point: (B, T, R, 3) by each residual's point, rigid offset included.
         by_common_point: (B, T, R, 3) by the point of the common motion, without the offset.
-        by_camera: (B, T, R, m) by the globals in ``columns``, or None: a known camera.
+        by_camera: (B, T, R, m) by the globals in ``columns``, a camera's and a performance's
+            scores, or None: none of them is free.
         by_offset: (B, T, 6, R) whitened derivative by the rigid offset (`whitened`), or None.
     """
 
@@ -370,12 +371,11 @@ class Reprojection:
         return state.cached((self, view), lambda: self._solve_offsets(view, state))
 
     def _solve_offsets(self, view: View, state: MotionState) -> tuple[Tensor, Tensor]:
-        state = state.of_performer(view.performer)
-        xyz = self.body.positions(self.body.keypoints, state)
+        xyz = self._points(view, state)
         if view.offset_precision is None:
             return xyz, xyz.new_zeros(*xyz.shape[:2], RIGID)
         d, _ = self.rigid_offsets(view, state, view.offset_precision)
-        return with_rigid_offset(xyz, self._pivot(state), d), d
+        return with_rigid_offset(xyz, self._pivot(state.of_performer(view.performer)), d), d
 
     def rigid_offsets(
         self,
@@ -385,12 +385,13 @@ class Reprojection:
         start: Float[Tensor, "B T 6"] | None = None,
     ) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 6 6"]]:
         """A view's rigid offsets and their precision matrices (`solve_rigid_offsets`)."""
-        state = state.of_performer(view.performer)
-        xyz = self.body.positions(self.body.keypoints, state)
-        pivot = self._pivot(state)
-        return solve_rigid_offsets(
-            view.with_camera_of(state), self.scale, xyz, pivot, precision, start
-        )
+        xyz, pivot = self._points(view, state), self._pivot(state.of_performer(view.performer))
+        seen_by = view.with_camera_of(state)
+        return solve_rigid_offsets(seen_by, self.scale, xyz, pivot, precision, start)
+
+    def _points(self, view: View, state: MotionState) -> Tensor:
+        shown = state.of_performer(view.performer)
+        return view.shifted(self.body.positions(self.body.keypoints, shown), state)
 
     def _pivot(self, state: MotionState) -> Tensor:
         rest = self.body.model.shape(state.betas).joints_rest[:, 0]
@@ -421,10 +422,6 @@ class Reprojection:
             by_point=by_point.flatten(2, 3),
             by_common_point=by_point.flatten(2, 3),
         )
-        if columns := view.columns(state):
-            off_centre = (pixels - view.K[:, None, None, :2, 2]) * root[..., None]
-            rows = _by_camera(view, state, xyz, by_camera_axes, off_centre)
-            residuals = replace(residuals, by_camera=rows.flatten(2, 3), columns=columns)
         if view.offset_precision is not None:
             pivot = self._pivot(state.of_performer(view.performer))[:, frames]
             rows = by_rigid_offset(by_point, xyz, pivot, d).flatten(2, 3)
@@ -433,6 +430,13 @@ class Reprojection:
                 by_common_point=residuals.by_point @ exp(d[..., :3]),
                 by_offset=whitened(rows, view.offset_precision),
             )
+        if columns := view.columns(state):
+            off_centre = (pixels - view.K[:, None, None, :2, 2]) * root[..., None]
+            parts = _by_camera(view, state, xyz, by_camera_axes, off_centre)
+            if view.shifts is not None:
+                parts.append(residuals.by_common_point.unflatten(2, (-1, 2)) @ view.shifts)
+            rows = torch.cat(parts, -1).flatten(2, 3)
+            residuals = replace(residuals, by_camera=rows, columns=columns)
         return residuals
 
     def _weighted(self, view: View, error: Tensor) -> Tensor:
@@ -441,8 +445,8 @@ class Reprojection:
 
 def _by_camera(
     view: View, state: MotionState, xyz: Tensor, by_axes: Tensor, off_centre: Tensor
-) -> Tensor:
-    """(B, T, K, 2, n) derivative by the camera's unknowns, the focal length last.
+) -> list[Tensor]:
+    """(B, T, K, 2, n) derivatives by the camera's unknowns, the focal length last.
 
     Args:
         by_axes: (B, T, K, 2, 3) by the point in camera axes; off_centre: (B, T, K, 2) weighted
@@ -453,7 +457,7 @@ def _by_camera(
         parts.append(by_axes @ _by_rotation_and_translation(view, state, xyz))
     if view.focal is not None:
         parts.append(off_centre[..., None])
-    return torch.cat(parts, -1)
+    return parts
 
 
 def _by_rotation_and_translation(view: View, state: MotionState, xyz: Tensor) -> Tensor:

@@ -35,6 +35,8 @@ class View:
         performer: index of the shape, among those of the state, of the body that it shows.
         centre: (B, T, 3) place of a camera that moves, in the axes that R and t lead to: a point
             is seen at ``R x + t - centre``; None: on one spot.
+        shifts: (B, T, K, 3, k) of the keypoints in the state's axes, metres, at a score of 1 in
+            each mode of variation, or None: no modes; performance: whose scores it shows.
     """
 
     xy_px: Float[Tensor, "B T K 2"]
@@ -47,6 +49,8 @@ class View:
     offset_precision: Float[Tensor, "B T 6"] | None = None
     performer: int = 0
     centre: Float[Tensor, "B T 3"] | None = None
+    shifts: Float[Tensor, "B T K 3 k"] | None = None
+    performance: int = 0
 
     @property
     def shift(self) -> Float[Tensor, "B #T 3"]:
@@ -63,7 +67,8 @@ class View:
         return self._cut(slice(None), frames)
 
     def _cut(self, row: slice, frames: slice) -> View:
-        precision, centre = self.offset_precision, self.centre
+        names = ("offset_precision", "centre", "shifts")
+        given = {n: x[row, frames] for n in names if (x := getattr(self, n)) is not None}
         return replace(
             self,
             xy_px=self.xy_px[row, frames],
@@ -71,8 +76,7 @@ class View:
             K=self.K[row],
             R=self.R[row],
             t=self.t[row],
-            offset_precision=None if precision is None else precision[row, frames],
-            centre=None if centre is None else centre[row, frames],
+            **given,
         )
 
     def with_camera_of(self, state: MotionState) -> View:
@@ -93,7 +97,19 @@ class View:
             columns += range(span.start, span.stop)
         if self.focal is not None:
             columns.append(state.focal_column(self.focal))
+        if self.shifts is not None:
+            span = state.score_columns(self.performance)
+            columns += range(span.start, span.stop)
         return columns
+
+    def shifted(
+        self, xyz: Float[Tensor, "B T K 3"], state: MotionState
+    ) -> Float[Tensor, "B T K 3"]:
+        """Points of the common motion as this performance has them, by its scores."""
+        if self.shifts is None:
+            return xyz
+        scores = state.scores[:, self.performance]
+        return xyz + (self.shifts @ scores[:, None, None, :, None])[..., 0]
 
 
 def with_focal(
