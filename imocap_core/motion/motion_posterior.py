@@ -116,9 +116,8 @@ def per_video_fits(
     if common is not None:
         targets = targets_of(scene, state, common.motion, common.views.cameras)
         faces = facing_agreement(scene, state, targets)
-        spread, cameras = common.spread, common.views.cameras
         couplings = deviation_terms(
-            scene, state, common.motion, targets, spread, options, faces, cameras
+            scene, state, common.motion, targets, common.spread, options, faces
         )
     return [
         PerVideoFit(motion.state, motion.terms, motion.terms[len(terms) :])

@@ -64,11 +64,13 @@ class CouplingTargets:
     Attributes:
         R_local: (B, T, 24, 3, 3); root: (B, T, 3) metres, the root joint.
         trust: (B, T) confidence of the match, 0 for frames without one.
+        shifts: (B, T, K, 3) metres, of the keypoints by the modes of variation, or None.
     """
 
     R_local: Float[Tensor, "B T 24 3 3"]
     root: Float[Tensor, "B T 3"]
     trust: Float[Tensor, "B T"]
+    shifts: Float[Tensor, "B T K 3"] | None = None
 
 
 def to_video_axes(
@@ -120,11 +122,7 @@ def coupling_terms(
 
 
 def position_coupling(
-    body: Body,
-    targets: CouplingTargets,
-    state: MotionState,
-    weight: Float[Tensor, "B T K"],
-    shifts: Float[Tensor, "B T K 3"],
+    body: Body, targets: CouplingTargets, state: MotionState, weight: Float[Tensor, "B T K"]
 ) -> JointEvidence:
     """Positions of the limbs' keypoints and the nose, coupled to the target's after the best
     rotation and shift of each frame.
@@ -134,12 +132,12 @@ def position_coupling(
 
     Args:
         state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
-        shifts: of the keypoints from the targets, metres, by the modes of variation.
     """
     names = body.keypoints.names  # of several layouts, where videos differ in them
     share = weight.new_tensor([(name in COUPLED) / names.count(name) for name in names])
     posed = replace(state, R_local=targets.R_local)
-    xyz = body.positions(body.keypoints, posed).detach() + shifts
+    xyz = body.positions(body.keypoints, posed).detach()
+    xyz = xyz if targets.shifts is None else xyz + targets.shifts
     return JointEvidence(
         body, xyz, targets.trust[..., None] * weight * share, UNBOUNDED, of_keypoints=True
     )
@@ -147,10 +145,10 @@ def position_coupling(
 
 def shifts_at_video_frames(
     scene: Scene, cameras: Cameras, spread: DeviationSpread, state: MotionState
-) -> Float[Tensor, "B T K 3"]:
+) -> Float[Tensor, "B T K 3"] | None:
     """What the modes tell of each performance, in its camera's axes; 0 if unmatched."""
     if spread.shifts_m is None:
-        return state.trans.new_zeros(*state.valid.shape, len(scene.body.keypoints.names), 3)
+        return None
     turned = torch.as_tensor(spread.shifts_m).to(cameras.R) @ cameras.R.mT[:, None]
     return to_video_frames(turned.flatten(2), scene.timeline, state).unflatten(-1, (-1, 3))
 
@@ -312,6 +310,8 @@ def fit_deviations(
         Every video's motion, and the objective.
     """
     targets = targets_of(scene, state, common, cameras)
+    shifts = shifts_at_video_frames(scene, cameras, spread, state)
+    targets = replace(targets, shifts=shifts)
     faces = facing_agreement(scene, state, targets)
     carried = _facing_released(at_video_frames(scene, state, common, targets), state, faces)
     start = carried
@@ -319,7 +319,7 @@ def fit_deviations(
         astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
-    terms += deviation_terms(scene, carried, common, targets, spread, options, faces, cameras)
+    terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
 
@@ -332,7 +332,6 @@ def deviation_terms(
     spread: DeviationSpread,
     options: MotionParams,
     faces: Float[Tensor, "B T"],
-    cameras: Cameras,
 ) -> list[Term]:
     """Coupling to the common motion, a deviation counted once per correlation time.
 
@@ -353,10 +352,9 @@ def deviation_terms(
     position_weight = to_video_frames(
         torch.as_tensor(of_positions).to(start.trans), scene.timeline, start
     )
-    shifts = shifts_at_video_frames(scene, cameras, spread, start)
     return [
         *coupling_terms(scene.body, targets, start, joint_weight, path_weight),
-        position_coupling(scene.body, targets, start, position_weight, shifts),
+        position_coupling(scene.body, targets, start, position_weight),
     ]
 
 
