@@ -34,8 +34,7 @@ from imocap_core.library.outputs import (
     report,
     view,
 )
-from imocap_core.library.people import detect, people
-from imocap_core.library.person_summary import PersonSummary, VideoPeople
+from imocap_core.library.people import PersonSummary, VideoPeople, detect, people
 from imocap_core.library.result import Result, load
 from imocap_core.library.run_all import ActionEnd, ExecutorChoice, run_all
 from imocap_core.library.running import Run, run, run_stage

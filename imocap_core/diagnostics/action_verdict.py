@@ -146,12 +146,13 @@ def verdict_of(
     left_out_in_turn = [] if claimed is None else claimed.leave_one_out
     predicted = predicted_videos(left_out_in_turn)
     cameras = [] if camera_motion is None else camera_motion.videos
+    view = view_findings(motion, sync, left_out_in_turn)
     findings = [
         *left_out_findings(keypoints),
         *decision_findings(sync),
         *event_findings(keypoints, refined),
         *take_findings(keypoints.videos),
-        *(view := view_findings(motion, sync, left_out_in_turn)),
+        *view,
         *hidden_findings(sync, videos),
         *up_findings(motion, sync, cameras),
         *collapse_findings(sync, videos),

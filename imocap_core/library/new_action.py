@@ -216,13 +216,13 @@ def action_of_videos(root: Path, name: str | None, paths: Sequence[Path]) -> tup
     declared = {v.id: v.video for v in read_action(folder).videos}
     places = {i: (folder / v).resolve() for i, v in declared.items() if v is not None}
     given = {file.resolve(): file for file in files}
-    if len(places) == len(declared) and [*places.values()] == [*given]:
-        return name, remarks
     elsewhere = [i for i in declared if i not in places or places[i] not in given]
     gone = [i for i in elsewhere if i in places and not places[i].is_file()]
+    fresh = [file for place, file in given.items() if place not in places.values()]
+    if not elsewhere and not fresh:
+        return name, remarks
     if gone != elsewhere or not all(path.is_dir() for path in paths):
         raise WrongUse(f"{folder / FILE_NAME} is of other videos; choose another name")
-    fresh = [file for place, file in given.items() if place not in places.values()]
     return name, [*remarks, _updated(folder, fresh, gone, [*declared])]
 
 

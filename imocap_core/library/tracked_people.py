@@ -5,7 +5,7 @@ from __future__ import annotations
 from imocap_core.adapters.detected_people import DetectedVideo, followed_video, performer_keypoints
 from imocap_core.adapters.tracked_people import TrackedVideo, choose_performers, declared_row
 from imocap_core.errors import WorkFailed
-from imocap_core.library.person_summary import PersonSummary, VideoPeople
+from imocap_core.library.people import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.action import Action, Declaration, path_of

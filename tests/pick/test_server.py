@@ -18,12 +18,10 @@ from tests.pick.conftest import CUT, FRAMES, SIZE, working_folder
 from tests.pick.made import Asker
 
 
-def followed(state: dict) -> bool:
-    return all(video["people"]["state"] == "ready" for video in state["videos"])
-
-
 def test_the_state_shows_videos_people_and_what_would_run(asker: Asker) -> None:
-    state = asker.wait(lambda s: followed(s) and s["plan"])
+    state = asker.wait(
+        lambda s: s["plan"] and {v["people"]["state"] for v in s["videos"]} == {"ready"}
+    )
     first, second = state["files"]
     assert (first["count"], tuple(first["size"]), first["cuts"]) == (FRAMES, SIZE, [CUT])
     assert second["cuts"] == []

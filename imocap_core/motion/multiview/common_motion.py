@@ -26,6 +26,7 @@ from torch import Tensor
 
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
 from imocap_core.motion.monocular.fit import Progress, regularisers
+from imocap_core.motion.multiview.modes import mode_shifts
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
     Cameras,
@@ -120,8 +121,8 @@ def views_of(
         performer = keypoints.performers[v] if keypoints.performers else 0
         places = keypoints.centre_m
         centre = None if places is None else torch.as_tensor(places[v]).to(template)[None]
-        shown = (performer, centre, shifts, v)
-        views.append(View(xy, weight, K, R, t, camera, focal, precision, *shown))
+        view = View(xy, weight, K, R, t, camera, focal, precision, performer, centre)
+        views.append(replace(view, shifts=shifts, performance=v))
     return tuple(views)
 
 
@@ -348,7 +349,7 @@ def fit_in_stages(
     *,
     cameras_known: bool,
     restart: bool,
-    shifts_m: Float[np.ndarray, "k N K 3"] | None = None,
+    with_modes: bool = False,
 ) -> CommonFit:
     """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
 
@@ -356,9 +357,10 @@ def fit_in_stages(
         state: every video's motion, whose consensus is the start; cameras: where they begin, or
             where they are and stay (``cameras_known``).
         restart: pass through the wide robust scales; else the start has done so before.
-        shifts_m: of the modes in which the performances differ (`modes.mode_shifts`).
+        with_modes: the state is an earlier solve's, which tells how performances differ.
     """
     start = consensus_motion(scene, state, cameras, options.agreement_rad)
+    shifts_m = mode_shifts(scene, state, cameras, start) if with_modes else None
     keypoints, unknowns = scene.keypoints, NO_UNKNOWNS
     if not cameras_known:
         unknowns = unknowns_of(scene, [v for v in range(len(cameras.R)) if v != scene.reference])
@@ -395,8 +397,7 @@ def fit_in_stages(
     sd = views.keypoints.offset_sd
     spread = None if sd is None else DeviationSpread(spread_m, sd, of_each)
     spread = spread or estimate_spread(scene, motion, cameras, options)
-    unexplained = misfit(scene, motion, cameras, sd)
-    return CommonFit(motion, cameras, spread, costs, status, unexplained)
+    return CommonFit(motion, cameras, spread, costs, status, misfit(scene, motion, cameras, sd))
 
 
 def estimate_spread(

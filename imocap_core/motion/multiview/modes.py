@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from imocap_core.alignment import procrustes
-from imocap_core.motion.multiview.scene import Cameras, Scene, consensus_motion, in_world
+from imocap_core.motion.multiview.scene import Cameras, Scene, to_world
 from imocap_core.motion.state import MotionState
 from imocap_core.robust import geman_mcclure_weight
 
@@ -64,20 +64,29 @@ def modes(turns: Float[np.ndarray, "M N J 3"], shifts: Float[np.ndarray, "M N P 
         turns, shifts: deviations from the mean (`technique.MeanMotion`): radians, metres. Moments
             that a performance does not show are 0, like the mean.
     """
+    scores, squares = _principal_scores(shifts)
+    share = squares / max(float(squares.sum()), 1e-300)
+    return Modes(share, scores, _at_one(scores, turns), _at_one(scores, shifts))
+
+
+def _principal_scores(
+    shifts: Float[np.ndarray, "M N P 3"],
+) -> tuple[Float[np.ndarray, "M K"], Float[np.ndarray, " K"]]:
+    """Scores of variance 1, the largest of each positive, and squared singular values."""
     M = len(shifts)
     U, sigma, _ = np.linalg.svd(_centred(shifts), full_matrices=False)
     chosen = np.flatnonzero(sigma > _ROUND_OFF * max(float(sigma.max(initial=0.0)), 1e-12))[: M - 1]
     scores = U[:, chosen] * np.sqrt(max(M - 1, 1))
     largest = np.abs(scores).argmax(0)
-    scores = scores * np.sign(scores[largest, np.arange(len(chosen))])  # the largest is positive
-    at_one = scores.T / max(M - 1, 1)  # regression on scores of variance 1
-    squares = sigma[chosen] ** 2
-    return Modes(
-        squares / max(float(squares.sum()), 1e-300),
-        scores,
-        (at_one @ _centred(turns)).reshape(-1, *turns.shape[1:]),
-        (at_one @ _centred(shifts)).reshape(-1, *shifts.shape[1:]),
-    )
+    return scores * np.sign(scores[largest, np.arange(len(chosen))]), sigma[chosen] ** 2
+
+
+def _at_one(
+    scores: Float[np.ndarray, "M K"], deviations: Float[np.ndarray, "M N P 3"]
+) -> Float[np.ndarray, "K N P 3"]:
+    """Deviations at a score of 1, by regression on scores of variance 1."""
+    at_one = scores.T @ _centred(deviations) / max(len(scores) - 1, 1)
+    return at_one.reshape(-1, *deviations.shape[1:])
 
 
 def _centred(deviations: Float[np.ndarray, "M N P 3"]) -> Float[np.ndarray, "M D"]:
@@ -146,12 +155,11 @@ def number_of_modes(errors: Float[np.ndarray, " K1"]) -> int:
 
 # Of fewer performances the joint solve learns no modes: a mode takes as many numbers as a motion.
 LEAST_SOLVED = 5
-ALIGNMENTS = 4
-ALIKE_M = 0.03  # a keypoint that is this far off counts a quarter in the alignment
+ALIGNMENTS, ALIKE_M = 4, 0.03  # in the last ones a keypoint so far off counts a quarter
 
 
 def mode_shifts(
-    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
+    scene: Scene, state: MotionState, cameras: Cameras, mean: MotionState
 ) -> Float[np.ndarray, "k N P 3"] | None:
     """Shifts of the keypoints at a score of 1 in each mode, metres, world's axes; None where no
     mode counts. From the motions of an earlier joint solve, after the rotation and shift of each
@@ -159,12 +167,11 @@ def mode_shifts(
     (`terms.view`).
 
     Args:
-        state: every video's motion in its own camera's axes; agreement_rad: as of the consensus.
+        state: every video's motion in its own camera's axes; mean: their consensus.
     """
-    if len(cameras.R) < LEAST_SOLVED or max(scene.performers) > 0:
+    if len(cameras.R) < LEAST_SOLVED:
         return None
-    mean = consensus_motion(scene, state, cameras, agreement_rad)
-    world, _ = in_world(scene, state, cameras, agreement_rad)
+    world = to_world(scene.aligned(state), cameras)
     path = (x.expand(len(world.root), *x.shape[1:]) for x in (mean.trans, mean.betas, mean.valid))
     each = MotionState.of(world.R_local, *path)
     points, body = scene.body.keypoints, scene.body
@@ -177,4 +184,4 @@ def mode_shifts(
     shifts *= (world.weight > 0).cpu().numpy()[..., None, None]
     errors = held_out_errors(shifts[:, :, used > 0], scene.fps, np.random.default_rng(0))
     count = number_of_modes(errors)
-    return modes(np.zeros_like(shifts), shifts).first(count).shifts if count else None
+    return _at_one(_principal_scores(shifts)[0][:, :count], shifts) if count else None

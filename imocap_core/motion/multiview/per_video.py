@@ -310,8 +310,7 @@ def fit_deviations(
         Every video's motion, and the objective.
     """
     targets = targets_of(scene, state, common, cameras)
-    shifts = shifts_at_video_frames(scene, cameras, spread, state)
-    targets = replace(targets, shifts=shifts)
+    targets = replace(targets, shifts=shifts_at_video_frames(scene, cameras, spread, state))
     faces = facing_agreement(scene, state, targets)
     carried = _facing_released(at_video_frames(scene, state, common, targets), state, faces)
     start = carried

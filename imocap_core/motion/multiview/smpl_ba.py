@@ -20,7 +20,6 @@ from jaxtyping import Float, Int
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import CommonFit, fit_in_stages
 from imocap_core.motion.multiview.low_rank import alternated
-from imocap_core.motion.multiview.modes import mode_shifts
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
 from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import (
@@ -148,12 +147,11 @@ def recover_motion(
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it, on an axis that may reach
     beyond the reference. Arguments as of `solve_jointly`, of two videos or more."""
+    again = cameras is not None
+    restart = restart or not again
     scene, axis = continued(scene)
-    begun, shifts_m = _begun(scene, start, cameras), None
-    if cameras is not None:
-        shifts_m = mode_shifts(*begun, options.agreement_rad)
-    restart = restart or cameras is None
-    motion = common_then_deviations(*begun, options, progress, restart=restart, shifts_m=shifts_m)
+    begun = _begun(scene, start, cameras)
+    motion = common_then_deviations(*begun, options, progress, restart=restart, with_modes=again)
     return within_reference(motion, axis)
 
 
@@ -176,7 +174,7 @@ def common_then_deviations(
     *,
     cameras_known: bool = False,
     restart: bool = True,
-    shifts_m: Float[np.ndarray, "k N K 3"] | None = None,
+    with_modes: bool = False,
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it.
 
@@ -185,10 +183,12 @@ def common_then_deviations(
         cameras: where they start, or where they are and stay (``cameras_known``).
         restart: begin at the widest robust scale; else state and cameras are an earlier result of
             this function, and it goes on where that stopped.
-        shifts_m: of the modes in which the performances differ, from an earlier result.
+        with_modes: the state is an earlier result, which tells how performances differ.
     """
-    how = {"cameras_known": cameras_known, "restart": restart}
-    common = fit_in_stages(scene, state, cameras, options, progress, shifts_m=shifts_m, **how)
+    begun = scene, state, cameras, options, progress
+    common = fit_in_stages(
+        *begun, cameras_known=cameras_known, restart=restart, with_modes=with_modes
+    )
     progress("each video's own deviation")
     solved = scene.with_intrinsics(common.cameras)
     given = solved, state, common.motion, common.cameras, common.spread, options

@@ -184,15 +184,14 @@ class ViewResiduals:
         residual: (B, T, R).
         by_point: (B, T, R, 3) by each residual's point, rigid offset included.
         by_common_point: (B, T, R, 3) by the point of the common motion, without the offset.
-        by_camera: (B, T, R, m) by the globals in ``columns``, a camera's and a performance's
-            scores, or None: none of them is free.
+        by_globals: (B, T, R, m) by those in ``columns``, or None: a known camera and no modes.
         by_offset: (B, T, 6, R) whitened derivative by the rigid offset (`whitened`), or None.
     """
 
     residual: Float[Tensor, "B T R"]
     by_point: Float[Tensor, "B T R 3"]
     by_common_point: Float[Tensor, "B T R 3"]
-    by_camera: Float[Tensor, "B T R m"] | None = None
+    by_globals: Float[Tensor, "B T R m"] | None = None
     columns: list[int] = field(default_factory=list)
     by_offset: Float[Tensor, "B T 6 R"] | None = None
 
@@ -221,10 +220,10 @@ def add_view_residuals(
     metric, mixed, moved = _metric(views)
     points.add_products(normal.diagonal[..., :POSE, :POSE], points, metric)
     residual, pull = _residual(views)
-    cameras = [view for view in views if view.by_camera is not None]
+    cameras = [view for view in views if view.by_globals is not None]
     offset = [view for view in views if view.by_offset is not None]
     columns = [mixed.flatten(2, 3), (metric @ points.d_beta).flatten(2, 3), residual]
-    columns += [_at_points(view.by_common_point, view.by_camera) for view in cameras]
+    columns += [_at_points(view.by_common_point, view.by_globals) for view in cameras]
     columns += [
         _at_points(view.by_common_point, view.by_offset.mT)
         for view in offset
@@ -244,7 +243,7 @@ def add_view_residuals(
     normal.gradient[..., POSE:] += pull
     normal.corner_gradient[:, shapes] += of_shape[2][..., 0].sum(1)
     for view, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
-        _add_camera(normal, view, by_pose, by_shape, shapes)
+        _add_globals(normal, view, by_pose, by_shape, shapes)
     if offset:
         first = 3 + len(cameras)
         by_pose, by_shape = (torch.cat(x[first:], -1) for x in (of_pose, of_shape))
@@ -278,15 +277,15 @@ def _at_points(by_common_point: Tensor, rows: Tensor | None) -> Tensor:
     return of_point.flatten(2, 3)
 
 
-def _add_camera(
+def _add_globals(
     normal: NormalEquations, view: ViewResiduals, by_pose: Tensor, by_shape: Tensor, shapes: slice
 ) -> None:
-    """A free camera's equations; by_pose (B, T, 72, m), by_shape (B, T, n, m): with the others."""
-    assert view.by_camera is not None
+    """A camera's equations, and scores'; by_pose (B, T, 72, m), by_shape (B, T, n, m): mixed."""
+    assert view.by_globals is not None
     columns = view.columns
-    rows = view.by_camera.flatten(1, 2)
+    rows = view.by_globals.flatten(1, 2)
     normal.border[..., :POSE, columns] += by_pose
-    normal.border[..., POSE:, columns] += view.by_point.mT @ view.by_camera
+    normal.border[..., POSE:, columns] += view.by_point.mT @ view.by_globals
     _add_corner(normal, columns, shapes, by_shape.sum(1), rows.mT @ rows)
     gradient = (rows.mT @ view.residual.flatten(1)[..., None])[..., 0]
     normal.corner_gradient[:, columns] += gradient
@@ -314,9 +313,9 @@ def _eliminate_offsets(
     normal.border[..., shapes] -= frame @ others
     normal.corner[:, shapes, shapes] -= others.flatten(1, 2).mT @ others.flatten(1, 2)
     for k, view in enumerate(views):
-        if view.by_camera is None or view.by_offset is None:
+        if view.by_globals is None or view.by_offset is None:
             continue
-        six, camera = slice(6 * k, 6 * k + 6), view.by_offset @ view.by_camera
+        six, camera = slice(6 * k, 6 * k + 6), view.by_offset @ view.by_globals
         normal.border[..., view.columns] -= frame[..., six] @ camera
         flat = camera.flatten(1, 2)
         crossed = by_shape[..., six].transpose(1, 2).flatten(2) @ flat
@@ -436,7 +435,7 @@ class Reprojection:
             if view.shifts is not None:
                 parts.append(residuals.by_common_point.unflatten(2, (-1, 2)) @ view.shifts)
             rows = torch.cat(parts, -1).flatten(2, 3)
-            residuals = replace(residuals, by_camera=rows, columns=columns)
+            residuals = replace(residuals, by_globals=rows, columns=columns)
         return residuals
 
     def _weighted(self, view: View, error: Tensor) -> Tensor:

@@ -102,9 +102,7 @@ class View:
             columns += range(span.start, span.stop)
         return columns
 
-    def shifted(
-        self, xyz: Float[Tensor, "B T K 3"], state: MotionState
-    ) -> Float[Tensor, "B T K 3"]:
+    def shifted(self, xyz: Tensor, state: MotionState) -> Float[Tensor, "B T K 3"]:
         """Points of the common motion as this performance has them, by its scores."""
         if self.shifts is None:
             return xyz
