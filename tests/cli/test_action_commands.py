@@ -18,9 +18,8 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.video import write_h264
 from imocap_core.library import cleaning
 from imocap_core.library.cleaning import bytes_of, clean
-from imocap_core.library.people import VideoPeople
+from imocap_core.library.people import VideoPeople, people_of
 from imocap_core.library.status import headline_of
-from imocap_core.library.tracked_people import people_of
 from imocap_core.pipeline.action import Action, Declaration
 from tests.made_keypoints import write_walk
 from tests.pick.conftest import picture
