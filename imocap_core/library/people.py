@@ -64,7 +64,7 @@ def people(
 
 
 def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
-    """Everybody in an action's videos, or why one is not used; WorkFailed where none can be read."""
+    """Everybody in all videos, or why one is not used; WorkFailed where none can be read."""
     from imocap_core.adapters.tracked_people import declared_row
 
     faults: dict[str, str] = {}
