@@ -61,7 +61,7 @@ def _contradicted(
         inputs.get(Sync),
         params.fit,
         params.motion,
-        event=ctx.event(),
+        event=bool(ctx.event()),
         device=ctx.device,
     )
     return redetection.contradicted_videos(problem, problem.solution(inputs.get(SmplBa)), videos)

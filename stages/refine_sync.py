@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.adapters.event import calibrated_round, can_calibrate
+from imocap_core.adapters.event import as_one_event, calibrated_round
 from imocap_core.adapters.ground import with_ground, with_hands_on_ground
 from imocap_core.adapters.hints import hints_of, with_sound
 from imocap_core.adapters.joint import JointProblem, problem_of, shows_one_motion
@@ -48,13 +48,16 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     first_sync, sound_start_s = _without_matrices(inputs)
     problem = _problem(ctx, inputs, params, first_sync)
     first = problem.solution(single_pass)
-    begin, event = LoopRound(first_sync, first, first.misfit, 0.0), None
-    if ctx.event() and can_calibrate(problem, first):
-        loop, event = calibrated_round(
-            problem, keypoints, begin, inputs.get(Sync), lambda what: ctx.progress(0.3, what)
-        )
+    begin, calibrated, event = LoopRound(first_sync, first, first.misfit, 0.0), None, None
+    if ctx.event():
+        progress = partial(ctx.progress, 0.3)
+        calibrated = calibrated_round(problem, keypoints, begin, inputs.get(Sync), progress)
+    if calibrated is not None:
+        loop, event = calibrated
     else:
         loop, problem = _in_turn(ctx, inputs, problem, begin, sound_start_s, params)
+        if ctx.event() is None:
+            loop, event = as_one_event(problem, keypoints, loop, partial(ctx.progress, 0.9))
     result = _as_artifact(loop, problem, single_pass)
     cameras, excluded = inputs.get(CameraMotion), result.sync.excluded
     motion = with_ground(result.motion, keypoints, cameras, excluded, params.fit)
@@ -71,7 +74,7 @@ def _problem(ctx: Context, inputs: Inputs, params: Params, sync: SyncSummary) ->
         sync,
         params.fit,
         params.motion,
-        event=ctx.event(),
+        event=bool(ctx.event()),
         device=ctx.device,
     )
 
@@ -102,7 +105,7 @@ def _loop_sync(
         hints,
         estimated_rates(evidence, params.sync),
         by_pictures=params.refine.evidence == "pictures",
-        event=ctx.event(),
+        event=bool(ctx.event()),
         sound_start_s=sound_start_s,
         declared=known_mirrors(ctx.mirrored(), keypoints),
         rng=ctx.rng,

@@ -27,7 +27,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
         sync,
         params.fit,
         params.motion,
-        event=ctx.event(),
+        event=bool(ctx.event()),
         device=ctx.device,
     )
     motion = solve_jointly(problem.scene, problem.start, problem.options, progress)

@@ -35,7 +35,6 @@ from imocap_core.diagnostics.timing import (
     collapse_findings,
     decision_findings,
     disagreement_s,
-    event_findings,
     event_sentence,
     repetition_findings,
     timing_findings,
@@ -150,7 +149,6 @@ def verdict_of(
     findings = [
         *left_out_findings(keypoints),
         *decision_findings(sync),
-        *event_findings(keypoints, refined),
         *take_findings(keypoints.videos),
         *view,
         *hidden_findings(sync, videos),

@@ -204,7 +204,7 @@ class _ActionFile(BaseModel):
     params: dict[str, Any] = Field(default_factory=dict)
     anchors: list[AnchorEntry] = Field(default_factory=list)
     forbidden: list[ForbiddenEntry] = Field(default_factory=list)
-    event: bool = False
+    event: bool | None = None
 
     @model_validator(mode="after")
     def _belongs_together(self) -> _ActionFile:
@@ -234,7 +234,7 @@ class Action:
     params: dict[str, Any] = field(default_factory=dict)
     anchors: tuple[AnchorEntry, ...] = ()
     forbidden: tuple[ForbiddenEntry, ...] = ()
-    event: bool = False  # all videos film one and the same performance
+    event: bool | None = None  # all videos film one and the same performance; None: not declared
     detected: Mapping[str, Path] = field(default_factory=dict)  # video id -> file of detections
 
     @property

@@ -120,8 +120,8 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
             yield f"truth {name}", action.folder / name
         return
     if kind == "event":
-        if action.event:
-            yield "event", "true"
+        if action.event is not None:
+            yield "event", str(action.event).lower()
         return
     if kind == "sound" and not action.event:
         return

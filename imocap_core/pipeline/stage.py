@@ -222,8 +222,8 @@ class Context:
             return None
         return {video.id: self._path(video.video) for video in self._action.videos}
 
-    def event(self) -> bool:
-        """Whether action.yaml says that all videos show one event (reads: event)."""
+    def event(self) -> bool | None:
+        """Whether action.yaml says that all videos show one event (reads: event), or None."""
         self._must_read("event")
         return self._action.event
 

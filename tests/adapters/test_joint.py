@@ -1,5 +1,4 @@
-"""The joint motion's problem on a made scene, mirrored and excluded videos, and the way back to
-artifacts."""
+"""The joint motion's problem on a made scene, mirrored and excluded videos, and the way back."""
 
 from dataclasses import replace
 
@@ -8,6 +7,7 @@ import pytest
 import torch
 
 from imocap_core import rotations
+from imocap_core.adapters.event import as_one_event
 from imocap_core.adapters.hypotheses import choose_alternatives, chosen_motions
 from imocap_core.adapters.joint import JointProblem, problem_of, shows_one_motion
 from imocap_core.adapters.participants import (
@@ -19,15 +19,18 @@ from imocap_core.adapters.participants import (
     mirrored_motion,
     participants_of,
 )
+from imocap_core.adapters.synchronisation import summary_of
 from imocap_core.artifacts.schemas import (
     AlternativeMotion,
     Camera,
+    EventCameras,
     Keypoints,
     SmplBa,
     SyncMap,
     SyncTrust,
 )
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.multiview.alternation import Alternation, LoopRound
 from imocap_core.motion.multiview.repair import LEGS
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.multiview.smpl_ba import solve_jointly
@@ -314,3 +317,20 @@ def test_joints_and_covariances_come_back_as_filmed(four: Made) -> None:
     left, right = (SMPL_JOINTS.index(f"{side}_wrist") for side in ("left", "right"))
     S = np.diag([-1.0, 1.0, 1.0])
     np.testing.assert_allclose(turned[:, left], S @ spread[:, right] @ S)
+
+
+@pytest.mark.long
+def test_one_offset_one_path_and_one_motion_make_one_event(made: Made) -> None:
+    of = problem(made)
+    motion, line = solved(of), np.arange(float(len(made.frames[0])))
+    places = [SyncMap(id=i, reference_frame=line, confidence=0 * line + 1) for i in made.ids]
+
+    def event(path_m: float, rate: float, misfit: float) -> EventCameras | None:
+        second = places[1].model_copy(update={"reference_frame": rate * line})
+        sync = made.sync.model_copy(update={"maps": [places[0], second, places[2]]})
+        spread = DeviationSpread(np.zeros((3, len(line), 12)), np.full((3, 6), path_m))
+        first = LoopRound(summary_of(sync), replace(motion, spread=spread), misfit, 0.0)
+        return as_one_event(of, made.keypoints, Alternation([first], 0, sync, ""), print)[1]
+
+    assert getattr(event(0.005, 1.0, 10.0), "declared", None) is False
+    assert event(0.02, 1.0, 10.0) is event(0.005, 0.5, 10.0) is event(0.005, 1.0, 0.01) is None

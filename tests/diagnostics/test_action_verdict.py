@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import (
-    CommonMotion,
     CycleTriple,
     EventCamera,
     EventCameras,
@@ -37,7 +36,7 @@ from imocap_core.diagnostics.findings import (
     verdict_text,
 )
 from imocap_core.diagnostics.same_take import said_first
-from imocap_core.diagnostics.timing import DOUBTFUL_S, collapse_findings, event_findings
+from imocap_core.diagnostics.timing import DOUBTFUL_S, collapse_findings, event_sentence
 from imocap_core.diagnostics.weak_joints import further_view, side_of
 from tests.diagnostics.test_contradictions import performance
 from tests.made_sync import trust_in
@@ -413,26 +412,8 @@ def test_the_sentence_on_one_event_says_what_is_claimed() -> None:
         "3 videos of one event are synchronised to about 4 ms (0.1 frames), and their cameras are "
         "calibrated from the performer: directions to about 1.2 degrees; focal lengths to 8%."
     )
-
-
-def test_videos_that_look_like_one_event_are_proposed_as_one() -> None:
-    made = Made(3, frames=30)
-    common = CommonMotion(
-        ids=made.ids, theta=np.zeros((30, 72)), betas=np.zeros(10), trans=np.zeros((30, 3)),
-        rigid_offset_sd=np.full((3, 6), 0.005), keypoint_sd_m=np.full((3, 30, 5), 0.01),
-    )  # fmt: skip
-    motion = made.refined.motion.model_copy(update={"common": common})
-    refined = made.refined.model_copy(update={"motion": motion})
-    (finding,) = event_findings(made.keypoints, refined)
-    assert "event: true" in finding.text
-    apart = common.model_copy(update={"rigid_offset_sd": np.full((3, 6), 0.02)})
-    motion = made.refined.motion.model_copy(update={"common": apart})
-    assert not event_findings(made.keypoints, made.refined.model_copy(update={"motion": motion}))
-    maps = list(made.refined.sync.maps)
-    slower = 0.7 * maps[1].reference_frame
-    maps[1] = maps[1].model_copy(update={"reference_frame": slower})
-    sync = made.refined.sync.model_copy(update={"maps": maps})
-    assert not event_findings(made.keypoints, refined.model_copy(update={"sync": sync}))
+    undeclared = event.model_copy(update={"declared": False})
+    assert "3 videos look like one event (else event: false" in event_sentence(undeclared, 30.0)
 
 
 @pytest.mark.parametrize("part", ["leg", "foot only", "unseen", "put right"])

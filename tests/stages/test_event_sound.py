@@ -65,8 +65,7 @@ def test_the_offset_of_the_sound_is_used_and_said(folder: Path, made: Made) -> N
 
 
 def test_without_event_no_sound_is_read(folder: Path, made: Made) -> None:
-    action = replace(read_action(folder), event=False)
-    sync = run(action, made, ["hints", "sound"])
+    sync = run(replace(read_action(folder), event=None), made, ["hints", "sound"])
     assert sync.sound_start_s is None
     assert not any("sound" in note for note in sync.notes)
 

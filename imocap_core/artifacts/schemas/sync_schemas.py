@@ -206,6 +206,7 @@ class EventCameras(Value):
 
     cameras: list[EventCamera]
     status: str
+    declared: bool = True  # in action.yaml; else the videos look like one event
 
 
 class RefineSync(Artifact):
