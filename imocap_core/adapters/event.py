@@ -27,9 +27,9 @@ MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ..
 CORRELATION_S = 0.25  # detector errors count once per this time in the claimed errors
 SOUND_SD_S, MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matches
 # Undeclared videos are one event by three quarters of their matches, their paths and their misfit
-# under one motion. Recordings of one: 19 to 29 ms, 5 (the least) to 6.8 mm, 0.7 to 1.2 times that
-# of several; regular players and walkers: from 20 ms, 7.4 to 29 mm, 1.26 to 3 times.
-ONE_OFFSET_S, ONE_EVENT_PATH_M, WORSE = 0.05, 0.007, 1.25
+# under one motion. Recordings of one: 19 to 29 ms, 5 (the least) to 6.8 mm, 0.7 to 1.16 times that
+# of several; regular players and walkers: from 19 ms, 5 to 29 mm, 1.25 to 3 times.
+ONE_OFFSET_S, ONE_EVENT_PATH_M, WORSE = 0.05, 0.007, 1.2
 
 
 def _can_calibrate(problem: JointProblem, motion: JointMotion) -> bool:
