@@ -45,8 +45,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
         params.motion,
         ctx.device,
     )
-    common = refined.motion.common
-    one_motion = common is not None and is_one_motion(common.keypoint_sd_m, common.rigid_offset_sd)
+    common, one_motion = refined.motion.common, refined.event is not None
+    if common is not None and not one_motion:
+        one_motion = is_one_motion(common.keypoint_sd_m, common.rigid_offset_sd)
     posteriors = []
     for k, group in enumerate(groups):
         progress = partial(_begin, ctx, k / len(groups), ", ".join(group.ids))
@@ -82,14 +83,13 @@ def posterior_of(
         near_limit_deg=params.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )
-    participants = group.problem.participants
-    lasting_m = uncertainty.lasting_errors_m(participants.keypoints, params)
-    joints = zip(posterior.covariances_m2, lasting_m, strict=True)
-    rotations = zip(posterior.rotations_rad2, lasting_m, strict=True)
+    lasting_m = uncertainty.lasting_residual_m(group)
+    joints = partial(claimed_covariance_m2, one_motion=one_motion, lasting_m=lasting_m)
+    rotations = partial(claimed_rotations_deg2, one_motion=one_motion, lasting_m=lasting_m)
     return uncertainty.GroupPosterior(
-        participants,
-        [claimed_covariance_m2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in joints],
-        [claimed_rotations_deg2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in rotations],
+        group.problem.participants,
+        [joints(x) for x in posterior.covariances_m2],
+        [rotations(x) for x in posterior.rotations_rad2],
         [np.degrees(np.degrees(x)) for x in posterior.deviations_rad2],
         [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
         viewpoints,

@@ -11,7 +11,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.adapters.joint import SolvedGroup
-from imocap_core.adapters.observations import check_layouts
 from imocap_core.adapters.participants import Participants
 from imocap_core.artifacts.schemas import (
     Keypoints,
@@ -59,16 +58,18 @@ def anatomical_rotations(model: Model, motion: MotionState) -> Float[Tensor, "T 
     return torch.as_tensor(rows).to(motion.trans)
 
 
-def lasting_errors_m(keypoints: Keypoints, params: UncertaintyParams) -> list[float]:
-    """Of every video, what the lasting errors of its detector leave of a joint's place, along each
-    axis; 0 where they are not known to last.
-
-    Raises:
-        ValueError: `uncertainty.lasting_error_mm` names an unknown layout.
-    """
-    table = params.lasting_error_mm
-    check_layouts("uncertainty.lasting_error_mm", table)
-    return [table.get(video.layout, 0.0) / 1000 for video in keypoints.videos]
+def lasting_residual_m(group: SolvedGroup) -> float:
+    """What keypoints are off all through a video: root mean square over all videos and keypoints of
+    the median residual over the frames, along each axis of the picture, at the keypoint's depth."""
+    medians = []
+    for v in group.problem.reprojection_evidence(group.solution).videos:
+        xyz_m, focal_px = v.xyz_m @ v.R.T + v.t, v.K[[0, 1], [0, 1]]
+        off_m = (v.xy_px - v.K[:2, 2]) / focal_px * xyz_m[..., 2:] - xyz_m[..., :2]
+        for k in range(off_m.shape[1]):
+            shown = off_m[v.weight[:, k] > 0, k]
+            if len(shown) >= 10:  # frames: fewer tell noise; beyond 8 cm is another person's
+                medians.append(np.clip(np.median(shown, axis=0), -0.08, 0.08))
+    return float(np.sqrt(np.mean(np.square(medians)))) if medians else 0.0
 
 
 def leave_one_out_of(groups: Sequence[SolvedGroup]) -> list[PredictedVideo]:

@@ -7,9 +7,9 @@ longer still, and one performer has one body. Each is counted once per its own c
 Model error: what the covariance of a posterior leaves out, measured on training clips. A posterior
 is conditional on its model, and neglects some dependences, as of correspondences and of errors that
 persist longer than they count for. The claimed covariance is the posterior's times a factor. Where
-all videos show one motion, the factor is small, and what is left is that a person's joints are not
-exactly where those of the body model are (tools/fit_joint_uncertainty.py). Of a detector whose
-errors last as long as a view does, these are left too, of one motion and of several.
+all videos show one motion, the factor is small, and a person's joints are not exactly where those
+of the body model are (tools/fit_joint_uncertainty.py). A detector's errors that last as long as a
+view does are left in any case; what the keypoints' residuals have of them shows how large they are.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ from imocap_core.motion.terms.coupling import JointEvidence
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.params import MotionParams, UncertaintyParams
 
-POPULATION = 1.0  # betas are in standard deviations of the population
-
 
 @dataclass(frozen=True)
 class Noise:
@@ -47,12 +45,13 @@ class Noise:
     def scene(self, scene: Scene, videos: int) -> Scene:
         """The scene with the priors of a posterior; ``videos`` share one body's prior."""
         prior = 1 / max(1.0, self.params.pose_persistence_s * scene.fps)
+        shape = 1 / videos  # betas are in standard deviations of the population
         fit = replace(
             scene.fit,
             pose_prior=min(prior, scene.fit.pose_prior),
-            shape_prior=POPULATION / videos,
-            hidden_shape_prior=POPULATION / videos,
-            size_prior=POPULATION / videos,
+            shape_prior=shape,
+            hidden_shape_prior=shape,
+            size_prior=shape,
         )
         return replace(scene, fit=fit)
 
@@ -67,41 +66,43 @@ class Noise:
         return [Tempered(term, share) if isinstance(term, evidence) else term for term in terms]
 
 
-PERFORMANCES_FACTOR = 1.5
+PERFORMANCES_FACTOR = 1.2
 # Of one motion errors are smaller than the posterior's, which allows for differing performances
 ONE_MOTION_FACTOR = 0.3
 PLACE_SD_M = 0.006  # of a joint in the body, along each axis
+LASTING_FACTOR = 2.0  # of lasting residuals: most of an error is no residual, but fitted
 SEGMENT_M = 0.4  # a limb's length
 CAMERA_VARIANCE_FACTOR = 6.0
 
 
 def claimed_covariance_m2(
-    posterior_m2: Float[np.ndarray, "T 24 3 3"], *, one_motion: bool, lasting_sd_m: float = 0.0
+    posterior_m2: Float[np.ndarray, "T 24 3 3"], *, one_motion: bool, lasting_m: float
 ) -> Float[np.ndarray, "T 24 3 3"]:
     """Covariance of the joints about the middle of the hips, the model's error included.
 
     Args:
         one_motion: whether all videos show one motion, and not performances that differ.
-        lasting_sd_m: of a joint along each axis, what a detector's lasting errors leave.
+        lasting_m: root mean square of what keypoints are off all through a video, along each axis.
     """
-    factor, place_m = _model_error(one_motion, lasting_sd_m)
+    factor, place_m = _model_error(one_motion, lasting_m)
     return np.asarray(factor * posterior_m2 + place_m**2 * np.eye(3))
 
 
 def claimed_rotations_deg2(
-    posterior_rad2: Float[np.ndarray, "T K 3 3"], *, one_motion: bool, lasting_sd_m: float = 0.0
+    posterior_rad2: Float[np.ndarray, "T K 3 3"], *, one_motion: bool, lasting_m: float
 ) -> Float[np.ndarray, "T K 3 3"]:
     """Covariance of the joints' rotations, the model's error included; arguments as above: a
     segment of which both ends are displaced is turned."""
-    factor, place_m = _model_error(one_motion, lasting_sd_m)
+    factor, place_m = _model_error(one_motion, lasting_m)
     turned_deg = np.degrees(np.sqrt(2) * place_m / SEGMENT_M)
     return np.asarray(factor * np.degrees(np.degrees(posterior_rad2)) + turned_deg**2 * np.eye(3))
 
 
-def _model_error(one_motion: bool, lasting_sd_m: float) -> tuple[float, float]:
+def _model_error(one_motion: bool, lasting_m: float) -> tuple[float, float]:
     """The factor of the posterior, and the standard deviation of a joint's place."""
-    if one_motion and lasting_sd_m == 0.0:
-        return ONE_MOTION_FACTOR, PLACE_SD_M
+    lasting_sd_m = LASTING_FACTOR * lasting_m
+    if one_motion:
+        return ONE_MOTION_FACTOR, float(np.hypot(PLACE_SD_M, lasting_sd_m))
     return PERFORMANCES_FACTOR, lasting_sd_m
 
 

@@ -238,12 +238,6 @@ class UncertaintyParams:
     pose_persistence_s: Positive = param(
         0.5, "The pose prior counts once per this time. Chosen on training clips.", unit="s"
     )
-    lasting_error_mm: dict[str, NonNegative] = param(
-        {"mediapipe33": 18.0, "blazepose33": 18.0},
-        "Standard deviation of a joint's place along each axis that errors of a detector leave, "
-        "where they last as long as a view does; by keypoint layout.",
-        unit="mm",
-    )
     weak_limit: Positive = param(
         2.0,
         "A joint whose standard deviation exceeds this many times the action's median is reported "

@@ -1,20 +1,20 @@
 """The stage on a made scene: what it says is complete, as filmed, and of every video."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from imocap_core.adapters.joint import solved_groups
 from imocap_core.adapters.participants import (
     mirrored_camera,
     mirrored_detections,
     mirrored_keypoints,
     mirrored_motion,
 )
-from imocap_core.adapters.uncertainty import lasting_errors_m
+from imocap_core.adapters.uncertainty import lasting_residual_m
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -28,7 +28,7 @@ from imocap_core.motion.state import mirrored_covariance
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Inputs
 from stages.uncertainty import run
-from tests.report.made import Made
+from tests.report.made import K, Made
 
 Given = tuple[Keypoints, CameraMotion, InitialSmpl, RefineSync]
 PARAMS = Params()
@@ -136,14 +136,13 @@ def test_one_video_alone_is_told_what_it_lacks() -> None:
     assert max(found.viewpoints, key=lambda v: v.reduction).reduction > 0.1
 
 
-def test_lasting_errors_are_those_of_each_video_s_layout(made: Made) -> None:
-    first, *others = made.keypoints.videos
-    keypoints = Keypoints(videos=[first.model_copy(update={"layout": "blazepose33"}), *others])
-    assert first.layout not in PARAMS.uncertainty.lasting_error_mm
-    assert lasting_errors_m(keypoints, PARAMS.uncertainty) == [0.018, *(0.0 for _ in others)]
+def test_what_keypoints_are_off_all_through_a_video_is_measured_in_metres(made: Made) -> None:
+    keypoints, cameras, *solved = artifacts(made)
 
+    def residual_m(off_px: float) -> float:
+        off = [v.model_copy(update={"xy_first_px": v.xy_first_px + off_px}) for v in cameras.videos]
+        given = (keypoints, CameraMotion(videos=off), *solved, PARAMS.fit, PARAMS.motion)
+        return lasting_residual_m(*solved_groups(*given))
 
-def test_lasting_errors_of_an_unknown_layout_are_named(made: Made) -> None:
-    params = replace(PARAMS.uncertainty, lasting_error_mm={"body52": 5.0})
-    with pytest.raises(ValueError, match=r"uncertainty.lasting_error_mm: .* got body52"):
-        lasting_errors_m(made.keypoints, params)
+    assert residual_m(0.0) < 0.01
+    assert residual_m(5.0) == pytest.approx(5.0 / K[0, 0] * 3.0, rel=0.1)  # at 3 m

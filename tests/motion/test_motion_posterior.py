@@ -44,6 +44,7 @@ from imocap_core.motion.observability import (
     weak_spans,
 )
 from imocap_core.motion.posterior_noise import (
+    LASTING_FACTOR,
     PLACE_SD_M,
     Noise,
     claimed_covariance_m2,
@@ -274,40 +275,38 @@ def posterior() -> np.ndarray:
     return np.asarray(roots @ roots.swapaxes(-1, -2))
 
 
+def claims(posterior_m2: np.ndarray, one_motion: bool) -> np.ndarray:
+    return claimed_covariance_m2(posterior_m2, one_motion=one_motion, lasting_m=0.0)
+
+
 def test_claims_of_performances_are_never_below_the_posterior() -> None:
     given = posterior()
-    claimed = claimed_covariance_m2(given, one_motion=False)
-    assert np.linalg.eigvalsh(claimed - given).min() > -1e-12
+    assert np.linalg.eigvalsh(claims(given, one_motion=False) - given).min() > -1e-12
 
 
 def test_no_joint_of_one_motion_is_surer_than_its_place_in_the_body() -> None:
-    claimed = claimed_covariance_m2(np.zeros((3, 24, 3, 3)), one_motion=True)
+    claimed = claims(np.zeros((3, 24, 3, 3)), one_motion=True)
     np.testing.assert_allclose(claimed, np.broadcast_to(PLACE_SD_M**2 * np.eye(3), claimed.shape))
 
 
 @pytest.mark.parametrize("one_motion", [False, True])
 def test_lasting_errors_of_a_detector_are_left_of_one_motion_and_of_several(one_motion):
-    given = posterior()
-    claimed = claimed_covariance_m2(given, one_motion=one_motion, lasting_sd_m=0.01)
-    several = claimed_covariance_m2(given, one_motion=False)
-    np.testing.assert_allclose(claimed - several, np.broadcast_to(1e-4 * np.eye(3), given.shape))
-    turned = claimed_rotations_deg2(given, one_motion=one_motion, lasting_sd_m=0.01)
-    least = claimed_rotations_deg2(given, one_motion=False)
-    assert np.linalg.eigvalsh(turned - least).min() > 0
+    given, left = posterior(), (LASTING_FACTOR * 0.01) ** 2 * np.eye(3)
+    for claim, least in ((claimed_covariance_m2, left), (claimed_rotations_deg2, np.eye(3))):
+        more, usual = (claim(given, one_motion=one_motion, lasting_m=x) for x in (0.01, 0.0))
+        assert np.linalg.eigvalsh(more - usual - least).min() > -1e-12
 
 
 def test_one_motion_is_claimed_with_smaller_errors_where_these_are_large() -> None:
-    large = 100 * posterior()
-    one, several = (claimed_covariance_m2(large, one_motion=x) for x in (True, False))
+    one, several = (claims(100 * posterior(), one_motion=x) for x in (True, False))
     assert np.linalg.eigvalsh(several).max() > np.linalg.eigvalsh(one).max()
 
 
 @pytest.mark.parametrize("one_motion", [False, True])
 def test_claims_turn_with_the_axes(one_motion: bool) -> None:
     given, turn = posterior(), Rotation.from_rotvec([0.3, -1.0, 0.5]).as_matrix()
-    turned = claimed_covariance_m2(turn @ given @ turn.T, one_motion=one_motion)
-    claimed = claimed_covariance_m2(given, one_motion=one_motion)
-    np.testing.assert_allclose(turned, turn @ claimed @ turn.T, atol=1e-15)
+    turned = claims(turn @ given @ turn.T, one_motion)
+    np.testing.assert_allclose(turned, turn @ claims(given, one_motion) @ turn.T, atol=1e-15)
 
 
 def test_a_camera_that_is_unknown_stays_unknown() -> None:
