@@ -91,7 +91,7 @@ def background_of(
 ) -> Background:
     """Feature tracks of small grey pictures; box_px: the person in them."""
     tracks = track_features(pictures, box_px, fps, max_features=params.max_features)
-    return Background(tracks, len(box_px), fps, size, scale)
+    return Background(tracks.without_graphics(), len(box_px), fps, size, scale)
 
 
 def followed(

@@ -331,7 +331,7 @@ def performer_keypoints(
         person_box_px=performer.box_px,
         tracks_found=performer.tracks_found,
         presence=performer.presence,
-        note=_note_of(video, performer),
+        note="; ".join(part for part in (performer.note, *video.remarks) if part),
         hands=_hands_of(video, performer),
         damaged=None if survey is None else survey.damaged_spans(people.frames),
         performer=declared.performer,
@@ -351,11 +351,6 @@ def with_corrected_marks(video: VideoKeypoints) -> VideoKeypoints:
         return video
     xy_px = corrected_marks(video.xy_px, layout_names(video.layout), correction)
     return video.model_copy(update={"corrected": CorrectedMarks(xy_px=xy_px)})
-
-
-def _note_of(video: DetectedVideo, performer: PerformerKeypoints) -> str:
-    """The note on a video's people, and on how its file was read."""
-    return "; ".join(part for part in (performer.note, *video.remarks) if part)
 
 
 def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoints | None:

@@ -68,8 +68,8 @@ def _looks_so(problem: JointProblem, motion: JointMotion, sync: Sync) -> bool:
     for v, m in enumerate(problem.participants.sync(sync).maps):
         matched = np.isfinite(m.reference_frame)
         away = np.arange(len(matched)) - clock.rate[v] * m.reference_frame - clock.offset[v]
-        far_s = np.abs(away[matched]) / problem.scene.observations[v].fps
-        if not len(far_s) or np.quantile(far_s, 0.75) > ONE_OFFSET_S:
+        reach = max(1.5, ONE_OFFSET_S * problem.scene.observations[v].fps)  # frames
+        if not matched.any() or np.quantile(np.abs(away[matched]), 0.75) > reach:
             return False
     return True
 

@@ -59,17 +59,21 @@ def anatomical_rotations(model: Model, motion: MotionState) -> Float[Tensor, "T 
 
 
 def lasting_residual_m(group: SolvedGroup) -> float:
-    """What keypoints are off all through a video: root mean square over all videos and keypoints of
-    the median residual over the frames, along each axis of the picture, at the keypoint's depth."""
-    medians = []
-    for v in group.problem.reprojection_evidence(group.solution).videos:
-        xyz_m, focal_px = v.xyz_m @ v.R.T + v.t, v.K[[0, 1], [0, 1]]
-        off_m = (v.xy_px - v.K[:2, 2]) / focal_px * xyz_m[..., 2:] - xyz_m[..., :2]
-        for k in range(off_m.shape[1]):
-            shown = off_m[v.weight[:, k] > 0, k]
-            if len(shown) >= 10:  # frames: fewer tell noise; beyond 8 cm is another person's
-                medians.append(np.clip(np.median(shown, axis=0), -0.08, 0.08))
-    return float(np.sqrt(np.mean(np.square(medians)))) if medians else 0.0
+    """What keypoints are off all through a video, beyond what noise leaves: root mean square of
+    their median residuals, along each axis of the picture, at the keypoint's depth."""
+    squares = []
+    videos = group.problem.reprojection_evidence(group.solution).videos
+    for v, observation in zip(videos, group.problem.scene.observations, strict=True):
+        xyz_m = v.xyz_m @ v.R.T + v.t
+        off_m = (v.xy_px - v.K[:2, 2]) / v.K[[0, 1], [0, 1]] * xyz_m[..., 2:] - xyz_m[..., :2]
+        off_m[v.weight == 0] = np.nan
+        off_m = off_m[:, (v.weight > 0).any(axis=0)]
+        middle = np.nanmedian(off_m, axis=0)
+        noise = 1.4826 * np.nanmedian(np.abs(off_m - middle), axis=0)  # and lasts 0.2 s:
+        independent = np.maximum(np.isfinite(off_m).sum(axis=0) / (0.2 * observation.fps), 1)
+        middle = np.clip(middle, -0.08, 0.08)  # farther: another person's
+        squares.append((middle**2 - np.pi / 2 * noise**2 / independent).mean())
+    return float(np.sqrt(max(0.0, float(np.mean(squares)))))
 
 
 def leave_one_out_of(groups: Sequence[SolvedGroup]) -> list[PredictedVideo]:

@@ -377,6 +377,16 @@ class FeatureTracks:
         """A part of the observations."""
         return FeatureTracks(self.track[chosen], self.frame[chosen], self.xy_px[chosen])
 
+    def without_graphics(self) -> FeatureTracks:
+        """Without points that stay on one pixel while others go far: burnt-in scores and logos."""
+        _, place, frames = np.unique(self.track, return_inverse=True, return_counts=True)
+        low, high = np.full((2, len(frames), 2), [[[np.inf]], [[-np.inf]]])
+        np.minimum.at(low, place, self.xy_px)
+        np.maximum.at(high, place, self.xy_px)
+        extent_px, lasting = (high - low).max(axis=1), frames >= 5
+        usual_px = frames * np.median((extent_px / frames)[lasting]) if lasting.any() else extent_px
+        return self.some(((extent_px > 1.0) | (usual_px < 5.0))[place])
+
     def undistorted(self, lens: Lens) -> FeatureTracks:
         """As a pinhole camera would show them."""
         return replace(self, xy_px=lens.undistorted(self.xy_px))

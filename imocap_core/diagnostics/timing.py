@@ -360,8 +360,7 @@ def event_sentence(event: EventCameras, fps: float, left_out: int = 0) -> str:
     focal = max(camera.focal_sd for camera in event.cameras)
     lens = f"; focal lengths to {focal:.0%}" if focal > 0 else ""
     doubt = "The timing is doubtful: " if offset_s > UNCERTAIN_S else ""
-    guess = "look like one event (else event: false in action.yaml) and"
-    kind = "of one event" if event.declared else guess
+    kind = "of one event" if event.declared else "look like one event (if not, event: false) and"
     return (
         f"{doubt}{count} {kind} are synchronised to about {1000 * offset_s:.0f} ms "
         f"({offset_s * fps:.1f} frames), and their cameras are calibrated from the performer: "

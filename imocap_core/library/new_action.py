@@ -254,16 +254,12 @@ def action_of_words(root: Path, words: Sequence[str], name: str | None) -> tuple
     actions = [word for word in words if name is None and is_action(root, word)]
     if actions and len(words) > 1:
         raise WrongUse(f"{actions[0]} is an action: give it alone")
-    missing = len(words) == 1 and not Path(words[0]).exists() and not _names_a_file(words[0])
+    file = Path(words[0]) if len(words) == 1 else None
+    missing = file and not file.exists() and file.suffix.lower() not in VIDEO_SUFFIXES
     if actions or (name is None and missing):
         valid = ascii_name(words[0])  # `init "my serve"` makes my_serve
         return (valid if not actions and is_action(root, valid) else words[0]), []
     return action_of_videos(root, name, [Path(word) for word in words])
-
-
-def _names_a_file(word: str) -> bool:
-    """Whether a word is meant as a file: it has a video's suffix."""
-    return Path(word).suffix.lower() in VIDEO_SUFFIXES
 
 
 def name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:

@@ -59,7 +59,7 @@ def clock_of(
     for v, (position, weight) in enumerate(zip(to_reference, confidence, strict=True)):
         matched = np.isfinite(position) & (weight > 0)
         away = np.arange(len(position))[matched] - rate[v] * position[matched]
-        reach, w = AGREEMENT_S * fps[v], weight[matched]
+        reach, w = max(1.0, AGREEMENT_S * fps[v]), weight[matched]
         if start_s is not None and np.isfinite(start_s[[v, reference]]).all():
             offset[v], agreement[v] = fps[v] * (start_s[reference] - start_s[v]), 1.0
         elif len(away):

@@ -9,7 +9,7 @@ is conditional on its model, and neglects some dependences, as of correspondence
 persist longer than they count for. The claimed covariance is the posterior's times a factor. Where
 all videos show one motion, the factor is small, and a person's joints are not exactly where those
 of the body model are (tools/fit_joint_uncertainty.py). A detector's errors that last as long as a
-view does are left in any case; what the keypoints' residuals have of them shows how large they are.
+view does are left in any case; residuals show how large they are.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ class Noise:
         return [Tempered(term, share) if isinstance(term, evidence) else term for term in terms]
 
 
-PERFORMANCES_FACTOR = 1.2
+PERFORMANCES_FACTOR = 1.5
 # Of one motion errors are smaller than the posterior's, which allows for differing performances
 ONE_MOTION_FACTOR = 0.3
 PLACE_SD_M = 0.006  # of a joint in the body, along each axis
-LASTING_FACTOR = 2.0  # of lasting residuals: most of an error is no residual, but fitted
+LASTING_FACTOR = 2.2  # of lasting residuals: most of an error is no residual, but fitted
 SEGMENT_M = 0.4  # a limb's length
 CAMERA_VARIANCE_FACTOR = 6.0
 

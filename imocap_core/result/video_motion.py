@@ -210,7 +210,8 @@ def _resampled(
     theta, trans = pose_at(video.theta, m.position), values_at(video.trans, m.position)
     model = body_model(video.model, video.action, hands=False)
     camera = video.camera
-    turns = local_rotations(pose_at(_vectors(camera.R_first_from_frame), m.position))[:, 0]
+    turning = log(torch.as_tensor(camera.R_first_from_frame)).numpy()
+    turns = local_rotations(pose_at(turning, m.position))[:, 0]
     uncertain = video.joint_uncertainty
     return replace(
         video,
@@ -253,11 +254,6 @@ def _hands_at(hands: HandMotion, m: FramePositions) -> HandMotion:
         points=values_at(hands.points, m.position),
         visible=hands.visible[np.round(m.position).astype(np.int64)] & m.inside[:, None],
     )
-
-
-def _vectors(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 3"]:
-    """Axis-angle vectors, radians."""
-    return log(torch.as_tensor(R)).numpy()
 
 
 LOOSELY_LEVEL = LevelPrior(roll_deg=5.0, pitch_deg=15.0, pitch_down_deg=0.0)

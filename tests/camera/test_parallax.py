@@ -108,3 +108,12 @@ def test_tracks_of_a_walk_follow_points_of_the_room():
     inlier = cv2.findFundamentalMat(first, last, cv2.USAC_MAGSAC, 1.0, 0.999, 1000)[1]
     assert inlier.mean() > 0.85
     assert cv2.findHomography(first, last, cv2.USAC_MAGSAC, 1.0)[1].mean() < 0.85
+
+
+def test_points_burnt_into_the_picture_are_no_background() -> None:
+    frame, track = (x.ravel() for x in np.meshgrid(np.arange(50), np.arange(8), indexing="ij"))
+    moved = np.where(track > 2, 2.0 * frame, 0.0)
+    tracks = FeatureTracks(track, frame, np.stack([moved, 9.0 * track], axis=-1))
+    assert set(tracks.without_graphics().track) == {3, 4, 5, 6, 7}
+    resting = FeatureTracks(track, frame, np.stack([0 * moved, 9.0 * track], axis=-1))
+    assert len(resting.without_graphics().track) == len(track)

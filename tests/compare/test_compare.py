@@ -50,11 +50,6 @@ def of_two_performers(made: Made, degrees: float) -> Result:
     return made.result()
 
 
-def rms(spread: np.ndarray) -> np.ndarray:
-    """(J,) over the moments."""
-    return np.asarray(np.sqrt(np.nanmean(spread**2, axis=0)))
-
-
 def page_of(file: Path) -> dict[str, Any]:
     """The header of a page: what it shows, without its arrays."""
     (text,) = re.findall(r'id="header">(.*?)</script>', file.read_text(), re.DOTALL)
@@ -65,7 +60,8 @@ def page_of(file: Path) -> dict[str, Any]:
 def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 10.0))
     found = compare.describe(compare.performances_of(made.result()))
-    by_joint = dict(zip(found.instances.joint_names, rms(found.spread_deg), strict=True))
+    rms = np.sqrt(np.nanmean(found.spread_deg**2, axis=0))
+    by_joint = dict(zip(found.instances.joint_names, rms, strict=True))
     assert by_joint["left_shoulder"] == pytest.approx(10 / np.sqrt(2), abs=0.2)
     assert max(d for name, d in by_joint.items() if name != "left_shoulder") < 0.5
     assert found.modes.share == pytest.approx([1.0])

@@ -413,7 +413,7 @@ def test_the_sentence_on_one_event_says_what_is_claimed() -> None:
         "calibrated from the performer: directions to about 1.2 degrees; focal lengths to 8%."
     )
     undeclared = event.model_copy(update={"declared": False})
-    assert "3 videos look like one event (else event: false" in event_sentence(undeclared, 30.0)
+    assert "3 videos look like one event (if not, event: false" in event_sentence(undeclared, 30.0)
 
 
 @pytest.mark.parametrize("part", ["leg", "foot only", "unseen", "put right"])

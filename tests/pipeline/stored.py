@@ -18,6 +18,7 @@ from imocap_core.workspace import Workspace
 from tests.report.made import FPS, SIZE, Made
 
 NAME = "waving"
+INDEX = json.dumps({"title": NAME, "pictures": []}).encode()  # of a report
 
 
 def stored_job(root: Path, made: Made, *, filmed: tuple[str, ...] = ()) -> Job:
@@ -81,15 +82,10 @@ def put(root: Path, made: Made, filmed: tuple[str, ...] = ()) -> None:
         "refine_sync": (made.refined.model_copy(update={"rounds": rounds}), {}),
         "uncertainty": (made.claimed, {}),
         "hands": (Hands(videos=[], model="", model_digest="", size=1.0, status="none"), {}),
-        "evaluate": (Evaluate(tables=[pose], files=[CONTENTS]), {CONTENTS: _contents()}),
+        "evaluate": (Evaluate(tables=[pose], files=[CONTENTS]), {CONTENTS: INDEX}),
     }
     for stage, (artifact, files) in parts.items():
         publish(root, NAME, stage, artifact, files)
-
-
-def _contents() -> bytes:
-    """The index of a report without pictures."""
-    return json.dumps({"title": NAME, "pictures": []}).encode()
 
 
 def _summary(sync: SyncSummary) -> SyncSummary:
