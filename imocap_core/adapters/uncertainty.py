@@ -60,7 +60,7 @@ def anatomical_rotations(model: Model, motion: MotionState) -> Float[Tensor, "T 
 
 def lasting_residual_m(group: SolvedGroup) -> float:
     """What keypoints are off all through a video, beyond what noise leaves: root mean square of
-    their median residuals, along each axis of the picture, at the keypoint's depth."""
+    their median residuals (8 cm at most), along each axis of the picture, at their depth."""
     squares = []
     videos = group.problem.reprojection_evidence(group.solution).videos
     for v, observation in zip(videos, group.problem.scene.observations, strict=True):
@@ -71,8 +71,8 @@ def lasting_residual_m(group: SolvedGroup) -> float:
         middle = np.nanmedian(off_m, axis=0)
         noise = 1.4826 * np.nanmedian(np.abs(off_m - middle), axis=0)  # and lasts 0.2 s:
         independent = np.maximum(np.isfinite(off_m).sum(axis=0) / (0.2 * observation.fps), 1)
-        middle = np.clip(middle, -0.08, 0.08)  # farther: another person's
-        squares.append((middle**2 - np.pi / 2 * noise**2 / independent).mean())
+        limited = np.clip(middle, -0.08, 0.08)
+        squares.append((limited**2 - np.pi / 2 * noise**2 / independent).mean())
     return float(np.sqrt(max(0.0, float(np.mean(squares)))))
 
 

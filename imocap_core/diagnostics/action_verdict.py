@@ -173,10 +173,11 @@ def verdict_of(
     ]
     findings.sort(key=lambda f: ORDER.index(f.kind))
     fps, left_out = videos[sync.reference].fps, len(keypoints.left_out or ())
-    apart_s = None if refined.event else disagreement_s(sync, predicted)
+    apart_s = disagreement_s(sync, predicted)
     timing = timing_sentence(sync, fps, left_out, predicted, apart_s)
-    if refined.event is not None:
-        timing = event_sentence(refined.event, fps, left_out)
+    if refined.event is not None:  # refined beyond what the matches agree on
+        apart_s = apart_s if (apart_s or 0) > 3 * DOUBTFUL_S else None
+        timing = event_sentence(refined.event, fps, left_out, doubtful=apart_s is not None)
     if view and len(sync.used) > 1:
         timing = f"{timing.removesuffix('.')}; {view[0].text}."
     used = set(sync.used)

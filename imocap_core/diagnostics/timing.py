@@ -347,19 +347,18 @@ def _margin(sync: SyncSummary, video: str) -> str:
 UNCERTAIN_S = 0.1
 
 
-def event_sentence(event: EventCameras, fps: float, left_out: int = 0) -> str:
-    """How well the videos of one event are synchronised and their cameras calibrated.
-
-    Args:
-        fps: of the reference; left_out: the number of videos that could not be used.
-    """
+def event_sentence(
+    event: EventCameras, fps: float, left_out: int = 0, *, doubtful: bool = False
+) -> str:
+    """How well the videos of one event are synchronised and their cameras calibrated; fps: of the
+    reference; left_out: the number of videos that could not be used."""
     ids = [camera.id for camera in event.cameras]
     count = f"{len(ids)} of {len(ids) + left_out} videos" if left_out else f"{len(ids)} videos"
     offset_s = max(camera.offset_sd_s for camera in event.cameras)
     turned = max(camera.rotation_sd_deg for camera in event.cameras)
     focal = max(camera.focal_sd for camera in event.cameras)
     lens = f"; focal lengths to {focal:.0%}" if focal > 0 else ""
-    doubt = "The timing is doubtful: " if offset_s > UNCERTAIN_S else ""
+    doubt = "The timing is doubtful: " if doubtful or offset_s > UNCERTAIN_S else ""
     kind = "of one event" if event.declared else "look like one event (if not, event: false) and"
     return (
         f"{doubt}{count} {kind} are synchronised to about {1000 * offset_s:.0f} ms "

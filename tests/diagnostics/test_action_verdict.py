@@ -413,6 +413,7 @@ def test_the_sentence_on_one_event_says_what_is_claimed() -> None:
         "calibrated from the performer: directions to about 1.2 degrees; focal lengths to 8%."
     )
     undeclared = event.model_copy(update={"declared": False})
+    assert event_sentence(event, 30.0, doubtful=True).startswith("The timing is doubtful: 3 videos")
     assert "3 videos look like one event (if not, event: false" in event_sentence(undeclared, 30.0)
 
 
