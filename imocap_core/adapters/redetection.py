@@ -138,7 +138,9 @@ def redetected(
         frame=frame,
         point=point,
         xy_px=values[:, :2],
-        xy_first_px=_in_first(values[:, :2], frame, camera),
+        xy_first_px=warp(
+            camera.H_first_from_frame[frame], undistorted_px(values[:, :2], camera.lens, camera.K)
+        ),
         confidence=values[:, 2],
     )
 
@@ -231,13 +233,6 @@ def _in_pictures(
     xy_px = warp(np.linalg.inv(camera.H_first_from_frame[rows])[:, None], xy_first_px)
     lens = lens_from(camera.lens, camera.K)
     return xy_px if lens is None else lens.distorted(xy_px)
-
-
-def _in_first(
-    xy_px: Float[np.ndarray, "C 2"], frame: Int[np.ndarray, " C"], camera: VideoCameraMotion
-) -> Float[np.ndarray, "C 2"]:
-    """Pixels of frames' pictures in that of the first frame, without the lens."""
-    return warp(camera.H_first_from_frame[frame], undistorted_px(xy_px, camera.lens, camera.K))
 
 
 def _replaced(

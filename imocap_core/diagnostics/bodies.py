@@ -347,13 +347,16 @@ def up_findings(
     if motion.ground is None:
         return []
     turned = {camera.id: camera for camera in cameras}
-    rolls = {}
+    rolls, sights = {}, {}
     for camera in motion.cameras:
         if camera.id in turned and camera.id not in sync.excluded:
             roll, down = held_deg(motion.ground.up, camera, turned[camera.id])
-            rolls[camera.id] = abs(roll) if abs(down) < STEEP_DEG else 0.0
+            if abs(down) < STEEP_DEG:
+                rolls[camera.id], sights[camera.id] = abs(roll), camera.R[2]
     video = max(rolls, key=rolls.__getitem__, default="")
-    if video and rolls[video] > ROLLED_DEG:
+    # turned about a line of sight, up is wrong for all cameras along it (within 45 degrees)
+    along = [rolls[u] for u in rolls if abs(sights[u] @ sights[video]) > 0.7]
+    if video and rolls[video] > ROLLED_DEG and min(along) > ROLLED_DEG / 2:
         why = f"the camera of {video} would be rolled by {rolls[video]:.0f} degrees"
     elif motion.ground.tilt_sd_deg > TILT_SD_DEG:
         why = f"it is uncertain by {motion.ground.tilt_sd_deg:.0f} degrees"
