@@ -47,7 +47,8 @@ def test_derivatives_of_exp_and_log_are_finite_and_right(angle: float) -> None:
     vector = (angle * axes()[0]).requires_grad_()
     jacobian = torch.autograd.functional.jacobian(so3.exp, vector)
     right = so3.right_jacobian(vector)
-    expected = torch.einsum("ab,bci,id->acd", so3.exp(vector), _generators(), right)
+    generators = so3.hat(torch.eye(3, dtype=torch.float64)).movedim(0, -1)
+    expected = torch.einsum("ab,bci,id->acd", so3.exp(vector), generators, right)
     torch.testing.assert_close(jacobian, expected.detach(), atol=1e-7, rtol=0)
     undone = so3.inverse_right_jacobian(vector) @ right
     torch.testing.assert_close(undone, torch.eye(3, dtype=torch.float64), atol=1e-12, rtol=0)
@@ -57,10 +58,6 @@ def test_derivatives_of_exp_and_log_are_finite_and_right(angle: float) -> None:
         torch.testing.assert_close(
             there_and_back, torch.eye(3, dtype=torch.float64), atol=1e-5, rtol=0
         )
-
-
-def _generators() -> torch.Tensor:
-    return so3.hat(torch.eye(3, dtype=torch.float64)).movedim(0, -1)
 
 
 def test_quaternions_are_scipys() -> None:

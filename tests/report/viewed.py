@@ -29,6 +29,11 @@ def read_entry(entry: Entry, data: bytes) -> np.ndarray:
     return np.frombuffer(data, f"<{entry['$']}", entry["count"], entry["at"])
 
 
+def inflated(blob: str) -> bytes:
+    """The bytes of a block, from its text in the page."""
+    return zlib.decompress(base64.b64decode(blob, validate=True))
+
+
 def given_artifacts(action: str, *artifacts: Artifact) -> Artifacts:
     """Artifacts that are at hand as values."""
     values = Artifacts(action, lambda stage: None, f"run it with: imocap run {action}")
@@ -51,7 +56,7 @@ class Page:
     @cached_property
     def data(self) -> bytes:
         found = re.search(r'id="blob">(.*?)</script>', self.text, re.S)
-        return zlib.decompress(base64.b64decode(found[1], validate=True))
+        return inflated(found[1])
 
     def array(self, entry: dict[str, Any], *shape: int) -> np.ndarray:
         return read_entry(entry, self.data).reshape(shape)

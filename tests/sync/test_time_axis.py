@@ -181,17 +181,13 @@ def warp(video: int, frames: np.ndarray) -> np.ndarray:
     return (frames + 2.0 * video) * (1.0 + 0.1 * video)
 
 
-def frame_of(video: int, phase: np.ndarray) -> np.ndarray:
-    """The inverse of `warp`."""
-    return phase / (1.0 + 0.1 * video) - 2.0 * video
-
-
 def maps_to(axis: int, error: float = 0.0) -> list[np.ndarray]:
     """True positions of all videos in one, as far as it reaches; the axis misplaced on the time of
     the action by `error`."""
     out = []
     for v, length in enumerate(LENGTHS):
-        position = frame_of(axis, warp(v, np.arange(float(length)))) + error * (v != axis)
+        phase = warp(v, np.arange(float(length)))
+        position = phase / (1.0 + 0.1 * axis) - 2.0 * axis + error * (v != axis)  # inverse
         inside = (position >= 0) & (position <= LENGTHS[axis] - 1)
         out.append(np.where(inside, position, np.nan))
     return out
