@@ -29,7 +29,7 @@ SOUND_SD_S, MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matche
 # Undeclared videos are one event by three quarters of their matches, their paths and their misfit
 # under one motion. Recordings of one: 19 to 29 ms, 5 (the least) to 6.8 mm, 0.7 to 1.16 times that
 # of several; regular players and walkers: from 19 ms, 5 to 29 mm, 1.25 to 3 times.
-ONE_OFFSET_S, ONE_EVENT_PATH_M, WORSE = 0.05, 0.007, 1.2
+ONE_OFFSET_S, ONE_EVENT_PATH_M, MISFIT_RATIO = 0.05, 0.007, 1.2
 
 
 def _can_calibrate(problem: JointProblem, motion: JointMotion) -> bool:
@@ -50,17 +50,17 @@ def as_one_event(
     if its one motion explains them, too; else as it is."""
     last, sync = loop.rounds[loop.best], loop.sync
     problem = problem.synchronised(last.sync)
-    alike = _looks_so(problem, last.motion, sync)
+    alike = _may_be_one_event(problem, last.motion, sync)
     solved = calibrated_round(problem, keypoints, last, sync, progress) if alike else None
-    if solved is None or solved[0].rounds[-1].cost > WORSE * last.cost:
+    if solved is None or solved[0].rounds[-1].cost > MISFIT_RATIO * last.cost:
         return loop, None
     rounds = [*loop.rounds, solved[0].rounds[-1]]
     event = solved[1].model_copy(update={"declared": False})
     return replace(solved[0], rounds=rounds, best=len(rounds) - 1), event
 
 
-def _looks_so(problem: JointProblem, motion: JointMotion, sync: Sync) -> bool:
-    """Whether the paths are one, and most matches near one offset; not by the paper's objective."""
+def _may_be_one_event(problem: JointProblem, motion: JointMotion, sync: Sync) -> bool:
+    """Whether the paths are one and most matches near one offset; not under `paper`."""
     spread = motion.spread if problem.options.objective == "shared" else None
     if spread is None or spread.offset_sd[:, 3:].max() > ONE_EVENT_PATH_M:
         return False
