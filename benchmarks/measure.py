@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks import docs
@@ -42,13 +43,15 @@ class Measurement:
 
     table: its name between the marks of the documentation, and its folder below
     artifacts/benchmark unless `made` says otherwise. data: folders that it needs.
-    detected: whether it needs the detector's environment. in_parallel: whether it takes `--jobs`.
+    detected: whether it needs the detector's environment. library: an optional one that it needs.
+    in_parallel: whether it takes `--jobs`.
     """
 
     table: str
     command: tuple[str, ...]
     data: tuple[str, ...] = ()
     detected: bool = False
+    library: str = ""
     in_parallel: bool = False
     made: str = ""
     read: Callable[[str], str] = essentials
@@ -62,6 +65,8 @@ class Measurement:
         for name in self.data:
             if not (folder := data_base(root) / name).is_dir():
                 return f"{folder} does not exist (IMOCAP_DATA names the folder of all data)"
+        if self.library and find_spec(self.library) is None:
+            return f"{self.library} is not installed"
         try:
             if self.detected:
                 check_detector(root)
@@ -91,11 +96,11 @@ ROBUSTNESS = ("tried", "times", "lost")
 
 
 def _benchmark(
-    words: str, table: str = "", *data: str, detected: bool = False, in_parallel: bool = False,
-    made: str = "",
+    words: str, table: str = "", *data: str, detected: bool = False, library: str = "",
+    in_parallel: bool = False, made: str = "",
 ) -> Measurement:  # fmt: skip
     command = (IMOCAP, "benchmark", *words.split())
-    return Measurement(table or words, command, data, detected, in_parallel, made)
+    return Measurement(table or words, command, data, detected, library, in_parallel, made)
 
 
 PLAN = (  # the shorter ones first
@@ -115,7 +120,7 @@ PLAN = (  # the shorter ones first
     ),
     _benchmark("angles", "", "trials", made="artifacts/benchmark/angles-fine_tuned/results.md"),
     _benchmark("collect", "", "trials", "balance_beam", detected=True),
-    _benchmark("moving_camera"),
+    _benchmark("moving_camera", library="pycolmap"),
     _benchmark("degraded", "", "balance_beam", "crowd", detected=True, in_parallel=True),
     _benchmark("penn --videos 10", "penn", "penn", in_parallel=True),
     _benchmark("screening", "", "train", in_parallel=True),

@@ -30,9 +30,10 @@ from imocap_core.alignment import rigid, similarity
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.camera.camera_path import CameraPath
-from imocap_core.errors import WrongUse
+from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.evaluate.action_scores import score_results
 from imocap_core.evaluate.scoreboard import AFTER_LOOP, StageResult
+from imocap_core.io.colmap import colmap_installed
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.params import CameraMotionParams
 from imocap_core.pipeline import runner
@@ -272,6 +273,8 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     for part in options.only:
         if part not in PARTS:
             raise WrongUse(f"--only {part}: expected one of {', '.join(PARTS)}")
+    if not colmap_installed():
+        raise WorkFailed("paths of cameras need COLMAP: pip install 'imocap[moving]'")
     folder = workspace.root / "artifacts" / "benchmark" / NAME
     films, motions = [], []
     if not options.only or "films" in options.only:

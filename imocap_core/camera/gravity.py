@@ -17,6 +17,7 @@ from imocap_core.camera.tilt_evidence import (
     ELBOWS,
     PART_RADII_M,
     PARTS,
+    TRUNK_DEG,
     WRISTS,
     LevelPrior,
     Support,
@@ -121,6 +122,7 @@ ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6
 BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos: feet carry, other parts, hands, a bench
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
 RESTING_COST = 4.2  # of balance alone
+ANY_WAY_COST = 2 * np.log(2 / np.radians(TRUNK_DEG) ** 2)  # of a trunk: density on the sphere
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
@@ -174,11 +176,14 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
     that is exact, and several modes show in the standard deviation.
     """
     stances = [s for body in bodies if (s := _Stance.of(body)) is not None]
+    hidden = 1 - max((body.feet_shown for body in bodies if body.whole.any()), default=1.0)
+    trunks = [_trunk_in_depth(body) for body in bodies if hidden > 0 and body.whole.any()]
 
     def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         total = np.zeros(len(up))
         total += sum(camera_cost(up, b.R_cam_from_world, prior) for b in bodies)
         total += sum(stance.cost(up) for stance in stances)
+        total += sum(hidden * trunk(up) for trunk in trunks)
         return total
 
     return _searched(cost, [b.R_cam_from_world for b in bodies], prior)
@@ -297,6 +302,20 @@ class _Stance:
         wrong = np.interp(roll, ROLLS_DEG, self.of_roll)
         right = _in_chunks(self.if_right)(up)
         return _mixed(np.stack([right, wrong]), (1 - WRONG_SHARE, WRONG_SHARE))
+
+
+def _trunk_in_depth(body: FilmedBody) -> Cost:
+    """What the trunk tells where no video shows the feet: it leans to or from the camera little, or
+    as it may; how it leans aside the picture shows, and does not tell the camera's roll."""
+    R = body.R_cam_from_world
+    support = support_of(body.joints[body.whole], body.fps, MOMENTS)
+
+    def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+        _, down = camera_angles_deg(up, R)
+        trunk = trunk_cost(_up_of_angles(np.zeros(len(up)), down) @ R, support)
+        return _mixed(np.stack([trunk, np.full_like(trunk, ANY_WAY_COST)]), (0.5, 0.5))
+
+    return cost
 
 
 def _mixed(costs: Float[np.ndarray, "C U"], shares: Sequence[float]) -> Float[np.ndarray, " U"]:

@@ -125,6 +125,21 @@ def test_a_body_shows_the_roll_of_its_camera_unless_its_feet_are_unseen(roll_deg
     assert camera_angles_deg(ups[1][None], camera)[0] == pytest.approx(0.0, abs=5.0)
 
 
+@pytest.mark.parametrize(("lean_deg", "least", "most"), [(-25, 8, 15), (25, 8, 15), (80, 0, 1)])
+def test_a_trunk_that_leans_in_depth_tilts_the_camera_unless_it_lies_or_a_video_shows_feet(
+    lean_deg: int, least: float, most: float
+) -> None:
+    leaning = turned(standing(), Rotation.from_euler("x", lean_deg, degrees=True))
+    hidden = FilmedBody(leaning, FPS, LEVEL_CAMERA, np.zeros(leaning.shape[:2]))
+    nobody = FilmedBody(np.full_like(leaning, np.nan), FPS, LEVEL_CAMERA)
+    alone, level = (estimate_up([body], PRIOR).up for body in (hidden, nobody))
+    assert least < angle_deg(alone, level) < most
+    assert (alone - level) @ (leaning[0, 12] - leaning[0, 0]) > 0
+    stands = filmed(standing(), Rotation.identity())
+    both = [estimate_up([stands, body], PRIOR).up for body in (hidden, nobody)]
+    assert angle_deg(*both) < 1e-6
+
+
 @pytest.mark.parametrize("feet", [1, 2])
 def test_a_foot_that_nobody_sees_carries_less_surely(feet: int) -> None:
     joints, seen = standing(), np.ones((len(standing()), 24))
