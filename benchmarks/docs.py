@@ -28,7 +28,6 @@ AFTER = ("P-MPJPE, after loop", "sync %, after loop", "cameras °")
 ROWS = (
     ("*balance_beam*: real, four phones", "real", "balance_beam"),
     ("the same from pixels", "real", "balance_beam_pixels"),
-    ("the same, declared [one event](EVENT)", "real", "balance_beam_event"),
     ("*crowd*: real, people in the way", "real", "crowd"),
     ("*yoga*: made, four performances", "yoga", "yoga"),
     ("`protocol`: captured, resampled as in the paper", PROTOCOL, "**mean**"),
@@ -78,7 +77,7 @@ def summary(page: str) -> str:
     columns = (*RESULTS, *AFTER)
     head = ("", *RESULTS, "P-MPJPE", "sync %", "cameras °")
     cells = [[what, *(_number(row, c) for c in columns)] for what, row in _measured(page)]
-    return markdown_table(head, cells).replace("EVENT", "actions.md#one-event")
+    return markdown_table(head, cells)
 
 
 def headline(page: str) -> str:
@@ -87,7 +86,7 @@ def headline(page: str) -> str:
     head = ("", *columns[:3], "P-MPJPE", "sync %")
     shown = _measured(page, ASIDE)
     cells = [[what, *(_number(row, c) for c in columns)] for what, row in shown]
-    table = markdown_table(head, [*cells, PAPER]).replace("EVENT", "docs/actions.md#one-event")
+    table = markdown_table(head, [*cells, PAPER])
     return "\n\n".join([table, *_of_real_clips(page)])
 
 

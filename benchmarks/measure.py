@@ -115,7 +115,7 @@ PLAN = (  # the shorter ones first
     _benchmark("trials", "trials-fine_tuned-4v", "trials", in_parallel=True),
     _benchmark("rendered", "rendered-4v", "trials", detected=True, in_parallel=True),
     _benchmark(
-        "performances", "", "performances",
+        "performances --videos 16", "performances", "performances",
         made="artifacts/benchmark/performances-fine_tuned/results.md",
     ),
     _benchmark("angles", "", "trials", made="artifacts/benchmark/angles-fine_tuned/results.md"),
