@@ -101,7 +101,7 @@ def followed(
     if camera.motion != "translating":
         return camera
     if not colmap_installed():
-        advice = "its path is unknown: `pip install 'imocap[moving]'` adds what finds it"
+        advice = "`pip install 'imocap[moving]'` adds what finds its path"
         return replace(camera, note=f"{camera.note}; {advice}")
     start = focal_px or float(camera.K[0, 0])
     path = background.path(start, refine_focal=focal_px is None)

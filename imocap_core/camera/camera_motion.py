@@ -166,7 +166,7 @@ def _translating(
         motion="translating",
         H_first_from_frame=start.K @ R @ np.linalg.inv(start.K),
         R_first_from_frame=R,
-        note=f"the camera moves from its place: {why}; its path is unknown",
+        note=f"the camera moves from its place: {why}",
     )
 
 

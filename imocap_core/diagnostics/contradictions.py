@@ -231,7 +231,7 @@ def prediction_findings(predicted: Sequence[PredictedVideo]) -> list[Finding]:
             f"the other videos' motion predicts its keypoints to {p.error_share:.0%} of the height "
             f"only, {p.near_share:.0%} of them within 10 %: the timing, the pose in depth or the "
             "action differs",
-            "the others do not predict it",
+            "not predicted by the others",
             "compare its frames with the others' in `imocap view`",
         )
         for p in sorted(bad, key=lambda p: -p.error_share)

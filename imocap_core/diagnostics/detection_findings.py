@@ -60,12 +60,11 @@ def _walks(camera: VideoCameraMotion) -> Finding:
 
 
 def _lost(camera: VideoCameraMotion) -> Finding:
-    why = camera.note or f"{camera.residual_px:.1f} px from a pure rotation"
+    apart = f"the camera moves from its place, {camera.residual_px:.1f} px from a pure rotation"
     return Finding(
         "camera",
         camera.id,
-        f"the camera moves from its place, and its path is unknown ({why}); its performer's place "
-        "in the world is unreliable, and counts less than the others'",
+        f"{camera.note or apart}; where its performer stands in the world is unreliable",
         "the camera moves",
         subject=f"the path of {camera.id}",
     )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
+from math import remainder
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.adapters.synchronisation import distinct_pictures
 from imocap_core.artifacts.schemas import (
@@ -34,17 +35,28 @@ LEAST_S = 0.5
 
 def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     """Median over the videos' round trips and left-out differences, where that is doubtful over
-    those of videos that are not `predicted_videos`; None without any, or a third video."""
+    those of videos that are not `predicted_videos`; None without any, or a third video. A whole
+    repetition is no difference: which of them is matched is told by `repetition_clause`."""
     if sync.trust is None or len(sync.used) < 3:
         return None
+    period_s = _period_s(repeating_videos(sync))
     for right in (frozenset(), predicted):
-        trips = [t.seconds for t in sync.trust.triples if len(set(t.videos) - right) > 1]
-        left_out = [v.left_out_s for v in sync.trust.videos if v.id not in right]
+        trips = [
+            abs(remainder(t.seconds, period_s))
+            for t in sync.trust.triples
+            if len(set(t.videos) - right) > 1
+        ]
+        left_out = [_left_out_s(v) for v in sync.trust.videos if v.id not in right]
         medians = [np.nanmedian(x) for x in (trips, left_out) if np.isfinite(x).any()]
         apart_s = float(max(medians)) if medians else None
         if apart_s is None or apart_s <= DOUBTFUL_S:
             break
     return apart_s
+
+
+def _left_out_s(video: VideoTrust) -> float:
+    """How far a video's two maps are apart but for whole repetitions."""
+    return abs(remainder(video.left_out_s, _period_s([video] if _repeats(video) else [])))
 
 
 def timing_sentence(
@@ -63,8 +75,7 @@ def timing_sentence(
             f"{alone}: depth, the way the person faces and the path rest on what bodies usually "
             "do, and nothing checks them."
         )
-    every = np.concatenate([m.reference_frame for m in maps_of_others(sync)])
-    matched = float(np.isfinite(every).mean())
+    matched = float(np.concatenate(list(with_counterpart(sync).values())).mean())
     if len(used) == 2:
         check = "with two videos nothing checks the timing"
         if predicted >= set(used):
@@ -91,6 +102,15 @@ def timing_sentence(
     )
 
 
+def with_counterpart(sync: SyncSummary) -> dict[str, Bool[np.ndarray, " T"]]:
+    """Whether each frame of the videos that take part is in another one of them; by id."""
+    others = maps_of_others(sync)
+    shown = {m.id: np.isfinite(m.reference_frame) for m in others}
+    frames = np.arange(len(next(m for m in sync.maps if m.id == sync.reference).reference_frame))
+    inverse = [np.isfinite(index_at(m.reference_frame, frames)) for m in others]
+    return {**shown, sync.reference: np.any(inverse, axis=0)}
+
+
 def maps_of_others(sync: SyncSummary) -> list[SyncMap]:
     """The maps of the videos that take part, without the reference's."""
     return [m for m in sync.maps if m.id != sync.reference and m.id not in sync.excluded]
@@ -108,6 +128,8 @@ def timing_findings(
         whole = _of_video(sync_map, trust, sync.reference)
         spans = _of_spans(sync_map, by_id[sync_map.id])
         findings += whole or [f for f in spans if not (is_predicted and f.serious)]
+    if len(sync.used) > 1:
+        findings += _alone(by_id[sync.reference], with_counterpart(sync)[sync.reference])
     return findings
 
 
@@ -122,14 +144,14 @@ def _of_video(sync_map: SyncMap, trust: VideoTrust | None, reference: str) -> li
                 "few frames matched",
             )
         ]
-    if trust is not None and trust.left_out_s > DOUBTFUL_S:
+    if trust is not None and _left_out_s(trust) > DOUBTFUL_S:
         return [
             Finding(
                 "time",
                 sync_map.id,
                 f"its match with {reference} and the one through the other videos disagree by "
-                f"{1000 * trust.left_out_s:.0f} ms",
-                f"timing contradicted by {1000 * trust.left_out_s:.0f} ms",
+                f"{1000 * _left_out_s(trust):.0f} ms",
+                f"timing contradicted by {1000 * _left_out_s(trust):.0f} ms",
                 anchor_advice(sync_map.id, reference),
             )
         ]
@@ -142,18 +164,7 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
     # frames of one picture share the confidence of one observation
     confidence = sync_map.confidence * distinct_pictures(video).times_shown
     uncertain = matched & (confidence < UNCERTAIN)
-    findings = []
-    for a, b in stretches(~matched, video.fps, LEAST_S):
-        findings.append(
-            Finding(
-                "remark",
-                video.id,
-                "no counterpart in another video; this part rests on this video alone",
-                "no counterpart",
-                "",
-                *frames_of(video, a, b),
-            )
-        )
+    findings = _alone(video, matched)
     for a, b in stretches(uncertain, video.fps, LEAST_S, 0.1):
         mean = float(confidence[a : b + 1].mean())
         findings.append(
@@ -167,6 +178,15 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
             )
         )
     return findings
+
+
+def _alone(video: VideoKeypoints, matched: Bool[np.ndarray, " T"]) -> list[Finding]:
+    text = "no counterpart in another video; this part rests on this video alone"
+    spans = stretches(~matched, video.fps, LEAST_S)
+    return [
+        Finding("remark", video.id, text, "no counterpart", "", *frames_of(video, a, b))
+        for a, b in spans
+    ]
 
 
 STOPPED = 0.1  # of the video's usual rate
@@ -259,8 +279,16 @@ NEARLY = 1.4
 
 def repeating_videos(sync: SyncSummary) -> list[VideoTrust]:
     """Those whose maps fit nearly as well when shifted by a repetition."""
-    videos = sync.trusts.values()
-    return [v for v in videos if v.repetition_ratio < NEARLY and v.id not in sync.excluded]
+    return [v for v in sync.trusts.values() if _repeats(v) and v.id not in sync.excluded]
+
+
+def _repeats(video: VideoTrust) -> bool:
+    return video.repetition_ratio < NEARLY
+
+
+def _period_s(repeating: Sequence[VideoTrust]) -> float:
+    """Length of a repetition, infinite where nothing repeats."""
+    return float(np.median([abs(v.repetition_s) for v in repeating])) if repeating else np.inf
 
 
 def repetition_clause(sync: SyncSummary) -> str:
@@ -268,9 +296,8 @@ def repetition_clause(sync: SyncSummary) -> str:
     repeating = repeating_videos(sync)
     if not repeating:
         return ""
-    period_s = float(np.median([abs(v.repetition_s) for v in repeating]))
     names = listed([v.id for v in repeating], "or")
-    return f", but the action repeats, and {names} may be matched {period_s:.1f} s off"
+    return f", but the action repeats, and {names} may be matched {_period_s(repeating):.1f} s off"
 
 
 def repetition_findings(sync: SyncSummary) -> list[Finding]:

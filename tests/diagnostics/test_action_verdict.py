@@ -129,12 +129,25 @@ def test_of_videos_that_others_predict_only_the_rest_is_doubtful_in_time(made: M
     assert verdict.level == "doubt"
 
 
-def repeating(made: Made, ratio: float) -> SyncTrust:
+def repeating(made: Made, ratio: float, left_out_s: float = 0.01) -> SyncTrust:
     """The second video fits 1.1 s later, its squared distances so many times as large."""
-    trust = trusted(made)
+    trust = trusted(made, left_out_s)
     shifted = {"repetition_s": 1.1, "repetition_ratio": ratio}
     videos = [v.model_copy(update=shifted if k == 1 else {}) for k, v in enumerate(trust.videos)]
     return trust.model_copy(update={"videos": videos})
+
+
+@pytest.mark.parametrize(("left_out_s", "doubtful"), [(1.12, False), (0.6, True)])
+def test_matches_that_are_a_repetition_apart_do_not_contradict_each_other(
+    made: Made, left_out_s: float, doubtful: bool
+) -> None:
+    trust = repeating(made, 1.0, left_out_s)
+    for k in (0, 2):
+        trust.videos[k] = trust.videos[k].model_copy(update={"left_out_s": np.nan})
+    verdict = judged(made, trust=trust)
+    assert verdict.summary[0].startswith("The timing is doubtful") == doubtful
+    assert ("may be matched 1.1 s off" in verdict.summary[0]) != doubtful
+    assert ("contradicted" in verdict.summary[1]) == doubtful
 
 
 def test_a_video_that_fits_a_repetition_later_as_well_is_named(made: Made) -> None:

@@ -152,8 +152,8 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
     ]
     if screening.symmetric:
         messages.append(
-            "the action is nearly its own mirror image, so no video is tested for being mirrored "
-            "(mirrored: true in action.yaml flips one)"
+            "these videos do not tell whether one of them is mirrored, as of an action that is its "
+            "own mirror image: none is flipped (mirrored: true in action.yaml flips one)"
         )
     left = len(names) - len(screening.excluded)
     if screening.excluded and left == 2:
