@@ -26,6 +26,7 @@ from imocap_core.motion.multiview.scene import (
     DeviationSpread,
     Scene,
     correlation_frames,
+    nearest_true,
     root_positions,
     solve,
 )
@@ -389,14 +390,19 @@ def _replaced(state: MotionState, by: MotionState, where: Bool[Tensor, "B T"]) -
 def at_video_frames(
     scene: Scene, state: MotionState, common: MotionState, targets: CouplingTargets
 ) -> MotionState:
-    """The common motion at every video's matched frames; unmatched ones stay as in ``state``."""
-    matched = (targets.trust > 0)[..., None]
+    """The common motion at every video's matched frames; unmatched ones move as in ``state``,
+    continuing the common motion, lest a limb jump to the other depth that its view leaves open."""
+    matched = targets.trust > 0
     betas = torch.cat([common.of_performer(p).betas for p in scene.performers])
-    rest = scene.body.model.shape(betas).joints_rest[:, 0]
+    place = targets.root - scene.body.model.shape(betas).joints_rest[:, 0][:, None]
+    row, edge = torch.arange(len(matched))[:, None], nearest_true(matched)
+    turn = targets.R_local[row, edge] @ state.R_local[row, edge].mT
+    step = place[row, edge] - state.trans[row, edge]
+    joined = matched.any(dim=1)[:, None, None]
     return replace(
         state,
-        R_local=torch.where(matched[..., None, None], targets.R_local, state.R_local),
-        trans=torch.where(matched, targets.root - rest[:, None], state.trans),
+        R_local=torch.where(joined[..., None, None], turn @ state.R_local, state.R_local),
+        trans=torch.where(joined, state.trans + step, state.trans),
         betas=betas,
     )
 

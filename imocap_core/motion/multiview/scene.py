@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, Int64
 from torch import Tensor
 
 from imocap_core.camera.averaging import mean_rotation, mean_vector
@@ -409,7 +409,8 @@ def in_world(
 def consensus_motion(
     scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
 ) -> MotionState:
-    """The mean motion of all videos at the reference's frames (batch of 1, world axes).
+    """The mean motion of all videos at the reference's frames (batch of 1, world axes). Frames that
+    one video shows alone continue the others' mean: a limb does not jump to the other depth.
 
     Args:
         state: every video's motion in its own camera's axes.
@@ -417,12 +418,26 @@ def consensus_motion(
     """
     world, follows = in_world(scene, state, cameras, agreement_rad)
     R = chordal_mean(world.R_local, follows * world.weight[..., None])
+    together = (world.weight > 0).sum(dim=0) > 1
+    if together.any():
+        edge = nearest_true(together[None])[0]
+        alone = world.weight.argmax(dim=0)
+        frames = torch.arange(len(edge))
+        turn = R[edge] @ world.R_local[alone, edge].mT
+        R = torch.where(together[:, None, None, None], R, turn @ world.R_local[alone, frames])
     path = world.root[scene.reference]
     shapes = mean_shapes(state, scene.performers)
     rest = scene.body.model.shape(shapes[:1]).joints_rest[:, 0]
     valid = torch.ones(1, len(path), dtype=torch.bool, device=path.device)
     motion = MotionState.of(R[None], (path - rest)[None], shapes[:1], valid)
     return replace(motion, other_betas=shapes[None, 1:])
+
+
+def nearest_true(flags: Bool[Tensor, "B T"]) -> Int64[Tensor, "B T"]:
+    """Index of the nearest true flag in each row, of the earlier of two; 0 in rows without one."""
+    frames = torch.arange(flags.shape[1], device=flags.device)
+    apart = (frames[:, None] - frames).abs().to(torch.float32)
+    return apart.masked_fill(~flags[:, None], torch.inf).argmin(dim=-1)
 
 
 def mean_shapes(state: MotionState, performers: Sequence[int]) -> Float[Tensor, "P 10"]:
