@@ -38,10 +38,11 @@ from imocap_core.motion.terms import (
     JointEvidence,
     PathCoupling,
     PoseCoupling,
+    StepCoupling,
     Term,
     View,
 )
-from imocap_core.motion.terms.base import running_mean
+from imocap_core.motion.terms.base import pairs, running_mean
 from imocap_core.motion.terms.contact import foot_contact_share
 from imocap_core.motion.terms.view import project
 from imocap_core.params import MotionParams
@@ -287,6 +288,7 @@ def _smoothed(values: Float[Tensor, "B T"], frames: int) -> Float[Tensor, "B T"]
 COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
 # Of the weight that rotations would have alone: the positions couple the same deviations.
 ROTATIONS_SHARE = 0.5
+STEP_RAD_S, LEAP_RAD_S = 8.0, 25.0  # by which a joint's speed may differ, and that none reaches
 CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
 
 
@@ -320,6 +322,7 @@ def fit_deviations(
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
     terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
+    terms.append(step_coupling(state, scene.fps))
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
 
@@ -368,6 +371,14 @@ def foot_contact_term(scene: Scene, common: MotionState, state: MotionState) -> 
     in_common = foot_contact_share(scene.body, common, scene.fps, speed_m_s=COMMON_CONTACT_M_S)
     in_video = foot_contact_share(scene.body, state, scene.fps, speed_m_s=VIDEO_CONTACT_M_S)
     return FootContact(scene.body, weight * in_common * in_video, CONTACT_SCALE)
+
+
+def step_coupling(state: MotionState, fps: float) -> StepCoupling:
+    """The steps of the joints below the root are a motion's, but for those that are leaps there."""
+    before, after = state.R_local[:, :-1], state.R_local[:, 1:]
+    steady = pairs(state.valid)[..., None] & (geodesic_angle(before, after) * fps < LEAP_RAD_S)
+    steady[..., 0] = False
+    return StepCoupling(before.mT @ after, steady * (fps / STEP_RAD_S) ** 2)
 
 
 def _facing_released(start: MotionState, state: MotionState, faces: Tensor) -> MotionState:

@@ -228,8 +228,8 @@ def _radius_px(xy_px: Float[np.ndarray, "T K 2"], weight: Float[np.ndarray, "T K
     w = weight[..., None] / np.maximum(weight.sum(axis=1), 1e-9)[:, None, None]
     x = np.where(w > 0, xy_px, 0.0)
     square = (w * np.square(x - (w * x).sum(axis=1, keepdims=True))).sum(axis=(1, 2))
-    seen = weight.any(axis=1)
-    return float(np.sqrt(np.median(square[seen]))) if seen.any() else 1.0
+    shown = weight.any(axis=1)
+    return float(np.sqrt(np.median(square[shown]))) if shown.any() else 1.0
 
 
 def point_shares(names: Sequence[str]) -> Float[np.ndarray, " K"]:

@@ -13,7 +13,12 @@ from imocap_core.motion.terms.body_priors import (
     ShapePrior,
 )
 from imocap_core.motion.terms.contact import FootContact
-from imocap_core.motion.terms.coupling import JointEvidence, PathCoupling, PoseCoupling
+from imocap_core.motion.terms.coupling import (
+    JointEvidence,
+    PathCoupling,
+    PoseCoupling,
+    StepCoupling,
+)
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.smoothness import JointAcceleration, PathSmoothness, PoseSmoothness
 from imocap_core.motion.terms.view import View
@@ -32,6 +37,7 @@ __all__ = [
     "Reprojection",
     "ScorePrior",
     "ShapePrior",
+    "StepCoupling",
     "Term",
     "View",
 ]
