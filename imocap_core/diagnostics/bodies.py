@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
@@ -431,3 +432,37 @@ def speed_findings(
                     )
                 )
     return findings
+
+
+LEAP_M = 0.25  # from one frame to the next,
+LEAP_ALONE = 2.0  # and so many times as far as across the picture, and as a frame before and after
+LIMBS = {"arm": ("elbow", "wrist", "hand"), "leg": ("knee", "ankle", "foot")}
+
+
+def leap_findings(motions: Sequence[VideoMotion]) -> list[Finding]:
+    """Limbs that are in another depth from one frame to the next."""
+    return [
+        Finding(
+            "body",
+            motion.id,
+            f"the {side} {limb} jumps by up to {far.max():.1f} m in depth within a frame",
+            f"{side} {limb} jumps in depth",
+            "",
+            int(motion.frames[frames[0]]),
+            int(motion.frames[frames[-1] + 1]),
+        )
+        for motion in motions
+        for limb, side in product(LIMBS, SIDES)
+        for far in [leaps_m(motion.joints, [f"{side}_{joint}" for joint in LIMBS[limb]])]
+        if len(frames := np.flatnonzero(far))
+    ]
+
+
+def leaps_m(joints: Float[np.ndarray, "T 24 3"], names: Sequence[str]) -> Float[np.ndarray, " S"]:
+    """Length of steps of any of some joints (camera axes) in depth alone, 0 where there is none."""
+    columns = [SMPL_JOINTS.index(name) for name in names]
+    step = np.diff(joints[:, columns] - joints[:, :1], axis=0)
+    length = np.linalg.norm(step, axis=-1)
+    beside = np.pad(length, ((1, 1), (0, 0)))
+    other = np.maximum(np.linalg.norm(step[..., :2], axis=-1), np.maximum(beside[:-2], beside[2:]))
+    return np.where((length > LEAP_M) & (length > LEAP_ALONE * other), length, 0.0).max(axis=1)

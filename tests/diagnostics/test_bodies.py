@@ -18,6 +18,7 @@ from imocap_core.diagnostics.bodies import (
     PlacedBody,
     floor_findings,
     floor_misses_mm,
+    leap_findings,
     outlying_bodies,
     slides,
     speed_findings,
@@ -207,6 +208,21 @@ def test_only_what_nobody_does_is_too_fast() -> None:
         findings = speed_findings([made.final[0].model_copy(update={"joints": joints})], videos)
         assert bool(findings) == named
         assert all(f.first_frame <= 15 <= f.last_frame for f in findings)
+
+
+@pytest.mark.parametrize(
+    ("way", "frames", "named"),
+    [((0, 0, 0.5), 1, True), ((0.3, 0, 0.4), 1, False), ((0, 0, 1.5), 5, False)],
+    ids=["in depth", "across the picture", "a punch"],
+)
+def test_a_limb_that_is_in_another_depth_at_once_jumps(way, frames: int, named: bool) -> None:
+    motion = Made(1, frames=30).final[0]
+    joints = np.repeat(motion.joints[:1], 30, axis=0)
+    share = np.clip((np.arange(30) - 10) / frames, 0, 1)[:, None]
+    joints[:, SMPL_JOINTS.index("left_wrist")] += share * way
+    findings = leap_findings([motion.model_copy(update={"joints": joints})])
+    assert [f.brief for f in findings] == ["left arm jumps in depth"] * named
+    assert all((f.first_frame, f.last_frame) == (10, 11) for f in findings)
 
 
 def facing_body(wrist: tuple[float, float, float]) -> np.ndarray:
