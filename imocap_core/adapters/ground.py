@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
     Camera,
@@ -93,26 +93,21 @@ def grounds_of(
     return thread_map(ground, range(len(videos)))
 
 
-def _filmed(
-    joints: Float[np.ndarray, "T 24 3"], video: VideoKeypoints, R: Float[np.ndarray, "3 3"]
-) -> FilmedBody:
-    return FilmedBody(joints, video.fps, R, limbs_seen(video).astype(float))
-
-
 BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well
 SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
 
 
-def limbs_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
-    """Whether each of SMPL's joints is seen in each frame: those of arms and legs by their
-    keypoints, the others always."""
+def _filmed(
+    joints: Float[np.ndarray, "T 24 3"], video: VideoKeypoints, R: Float[np.ndarray, "3 3"]
+) -> FilmedBody:
+    """Arms and legs are seen where their keypoints are, the other joints always."""
     names = layout_names(video.layout)
     shown = np.ones((len(video.frames), len(SMPL_JOINTS)), dtype=bool)
     for side, limb in product(SIDES, BEYOND):
         if (name := f"{side}_{limb}") in names:
             rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in (limb, *BEYOND[limb])]
             shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
-    return shown
+    return FilmedBody(joints, video.fps, R, shown.astype(float))
 
 
 def held_deg(

@@ -197,20 +197,16 @@ def read(file: Path) -> Content:
     """Read a file and check every byte of it. ArtifactCorrupt for any fault."""
     try:
         data = file.read_bytes()
-        _check_summary(data)
+        # the summary's CRC, which the MCAP reader leaves to its callers
+        footer = data[-FOOTER.size :]
+        _, _, start, _, expected, _ = FOOTER.unpack(footer)
+        if zlib.crc32(footer[:25], zlib.crc32(data[start : -FOOTER.size])) != expected:
+            raise ArtifactCorrupt("the summary does not match its checksum")
         return _collect(data)
     except ArtifactCorrupt as error:
         raise ArtifactCorrupt(f"{file}: {error}") from None
     except READER_ERRORS as error:
         raise ArtifactCorrupt(f"{file}: {type(error).__name__}: {error}") from error
-
-
-def _check_summary(data: bytes) -> None:
-    """The summary's CRC, which the MCAP reader leaves to its callers."""
-    footer = data[-FOOTER.size :]
-    _, _, start, _, expected, _ = FOOTER.unpack(footer)
-    if zlib.crc32(footer[:25], zlib.crc32(data[start : -FOOTER.size])) != expected:
-        raise ArtifactCorrupt("the summary does not match its checksum")
 
 
 def _records(data: bytes) -> Iterator[McapRecord]:

@@ -319,7 +319,17 @@ class Store:
         target = self.current(action, stage)
         again = stored.file == target
         if not again:
-            _link(stored.file, target)
+            # target: a hard link, or a copy where the file system has no links
+            target.parent.mkdir(parents=True, exist_ok=True)
+            aside = target.with_name(f".{target.name}.{os.getpid()}.part")
+            try:
+                os.link(stored.file, aside)
+                os.replace(aside, target)
+            except OSError:
+                with appearing(target) as stream, stored.file.open("rb") as original:
+                    shutil.copyfileobj(original, stream)
+            finally:
+                aside.unlink(missing_ok=True)
         report = self.report(action)
         if stored.has_files and not (again and _is_report_of(report, stored)):
             replace_folder(report, stored.content.files)
@@ -368,17 +378,3 @@ def _unread(file: Path) -> Stored:
 
     head = remembered("artifact", file, head_of)
     return read_now[0] if read_now else Stored(file, **head)  # type: ignore[arg-type]
-
-
-def _link(source: Path, target: Path) -> None:
-    """Make `target` a hard link to `source`, or a copy where the file system has no links."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    aside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        os.link(source, aside)
-        os.replace(aside, target)
-    except OSError:
-        with appearing(target) as stream, source.open("rb") as original:
-            shutil.copyfileobj(original, stream)
-    finally:
-        aside.unlink(missing_ok=True)  # renaming onto a link of the same file leaves it behind

@@ -56,7 +56,10 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     surface = _surface_points_m(video)
     markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
     angles, about = _angle_points(video, up)
-    first = _first_frame(video)
+    # the first frame in the file, from 1; 1 where frames are no even steps
+    steps = np.diff(video.frames)
+    whole = len(steps) == 0 or bool(np.all(steps == 1))
+    first = int(video.frames[0]) + 1 if whole and float(video.frames[0]).is_integer() else 1
     return C3dTrial(
         subject=video.performer or video.action,
         up=up,
@@ -115,13 +118,6 @@ def _angle_points(
                 n if f"{prefix}{joint}_{n}" in angles else "none" for n in names
             )
     return points, about
-
-
-def _first_frame(video: VideoResult) -> int:
-    """The number, from 1, of the first frame in the file; 1 where frames are no even steps."""
-    steps = np.diff(video.frames)
-    whole = len(steps) == 0 or bool(np.all(steps == 1))
-    return int(video.frames[0]) + 1 if whole and float(video.frames[0]).is_integer() else 1
 
 
 SEGMENT_OF_JOINT = {joint: segment_of_joint(joint) for joint in SMPL_JOINTS}
