@@ -58,13 +58,6 @@ def _machine() -> str:
     return hashlib.sha256("".join(names).encode()).hexdigest()[:12]
 
 
-def _remove_abandoned_drafts(folder: Path) -> None:
-    for draft in folder.glob(f".{_machine()}-*"):
-        if writer_has_ended(draft):
-            with suppress(OSError):
-                draft.unlink()
-
-
 @contextmanager
 def atomic_write(file: Path) -> Iterator[Path]:
     """An empty file beside `file`, which becomes `file` at once when the body ends, or never.
@@ -72,7 +65,10 @@ def atomic_write(file: Path) -> Iterator[Path]:
     Drafts that killed processes left in the folder are removed.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    _remove_abandoned_drafts(file.parent)
+    for draft in file.parent.glob(f".{_machine()}-*"):
+        if writer_has_ended(draft):
+            with suppress(OSError):
+                draft.unlink()
     suffix = f".part{file.suffix}"
     handle, name = tempfile.mkstemp(prefix=f".{writer()}", suffix=suffix, dir=file.parent)
     os.close(handle)

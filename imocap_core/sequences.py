@@ -138,17 +138,9 @@ def points_at_moments(
     nearest, other = (np.where(share < 0.5, points[low + i], points[low + 1 - i]) for i in (0, 1))
     weight = np.maximum(share, 1 - share)
     between = np.where(np.isfinite(other), weight * nearest + (1 - weight) * other, nearest)
-    bridged, near = _bridged(moments, time_s, low)
-    single = near.reshape(share.shape)
-    between = np.where(bridged.reshape(share.shape), between, np.where(single, nearest, np.nan))
-    return np.asarray(np.where(share * (1 - share) == 0, nearest, between))
-
-
-def _bridged(
-    moments: EvenMoments, time_s: Float[np.ndarray, " T"], low: Int[np.ndarray, " N"]
-) -> tuple[Bool[np.ndarray, " N"], Bool[np.ndarray, " N"]]:
-    """Of each moment, whether the frames about it are near each other, and one of them near it."""
     interval = time_s[low + 1] - time_s[low]
     bridged = interval <= max(BRIDGED_S, BRIDGED_STEPS / moments.fps)
     away = np.minimum(moments.time_s - time_s[low], time_s[low + 1] - moments.time_s)
-    return bridged, away <= NEAR_STEPS / moments.fps
+    single = (away <= NEAR_STEPS / moments.fps).reshape(share.shape)
+    between = np.where(bridged.reshape(share.shape), between, np.where(single, nearest, np.nan))
+    return np.asarray(np.where(share * (1 - share) == 0, nearest, between))

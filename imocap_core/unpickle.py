@@ -41,12 +41,6 @@ def check_keys(keys: Iterable[Any]) -> None:
             raise pickle.UnpicklingError("it contains keys that are no words or numbers")
 
 
-def check_size(value: Any) -> None:
-    """UnpicklingError when nested lists, tuples and dictionaries have too many parts, those that
-    are in several places counted in each."""
-    _size(value, {}, set())
-
-
 def _size(value: Any, sizes: dict[int, int], above: set[int]) -> int:
     if not isinstance(value, (list, tuple, dict, ArrayRecord, JoblibRecord)):
         return 1
@@ -272,7 +266,8 @@ def load_pickle(content: bytes) -> Any:
     Raises one of `UNREADABLE` when the pickle is damaged or would run something.
     """
     value = RestrictedUnpickler(io.BytesIO(content)).load()
-    check_size(value)
+    # refuses values of too many nested parts, those in several places counted in each
+    _size(value, {}, set())
     return build(value)
 
 

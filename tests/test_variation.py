@@ -67,18 +67,14 @@ def test_of_few_performances_no_mode_is_known() -> None:
     assert number_of_modes(held_out_errors(shifts, FPS, np.random.default_rng(0))) == 0
 
 
-def variation(turns: np.ndarray) -> Variation:
-    """Of a motion that stands still, with one mode."""
+def test_a_motion_at_scores_turns_along_the_modes() -> None:
+    turns = course(4, 0.2)[None]
+    # of a motion that stands still, with one mode
     share = np.ones(len(turns))
     given = Modes(share, np.zeros((M, len(turns))), turns, np.zeros_like(turns))
     names, ids = tuple(f"j{j}" for j in range(J)), tuple(f"v{m}" for m in range(M))
     still = np.tile(np.eye(3), (N, J, 1, 1))
-    return Variation(ids, PHASE, names, still, np.zeros((N, J, 3)), given, np.ones(1), {})
-
-
-def test_a_motion_at_scores_turns_along_the_modes() -> None:
-    turns = course(4, 0.2)[None]
-    of = variation(turns)
+    of = Variation(ids, PHASE, names, still, np.zeros((N, J, 3)), given, np.ones(1), {})
     np.testing.assert_allclose(of.at(np.zeros(1)), of.R_local)
     expected = Rotation.from_rotvec(1.5 * turns[0].reshape(-1, 3)).as_matrix()
     np.testing.assert_allclose(of.at(np.array([1.5])).reshape(-1, 3, 3), expected, atol=1e-9)

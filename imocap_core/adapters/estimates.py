@@ -120,21 +120,16 @@ def _joints(
             f"{path}: joints: expected numbers for at least {MIN_JOINTS} of SMPL's joints "
             f"({', '.join(SMPL_JOINTS)}) in some frame, got {most} of {len(estimate.joint_names)}"
         )
-    extent_m = _extent(joints)
+    complete = joints[np.isfinite(joints).all(-1).sum(1) >= MIN_JOINTS]
+    bounded = np.clip(complete, -FARTHEST_M, FARTHEST_M)
+    sides = np.nanmax(bounded, axis=1) - np.nanmin(bounded, axis=1)
+    extent_m = float(np.median(sides.max(axis=-1)))
     if not PERSON_M[0] <= extent_m <= PERSON_M[1]:
         raise ValueError(
             f"{path}: joints: expected metres, a person of {PERSON_M[0]:g} to {PERSON_M[1]:g}, got "
             f"{extent_m:.3g}"
         )
     return joints
-
-
-def _extent(joints: Float[np.ndarray, "T 24 3"]) -> float:
-    """The larger side of the box around all joints of a frame, median over time."""
-    complete = joints[np.isfinite(joints).all(-1).sum(1) >= MIN_JOINTS]
-    bounded = np.clip(complete, -FARTHEST_M, FARTHEST_M)
-    sides = np.nanmax(bounded, axis=1) - np.nanmin(bounded, axis=1)
-    return float(np.median(sides.max(axis=-1)))
 
 
 def _rotations(

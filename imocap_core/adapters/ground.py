@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
     Camera,
@@ -32,7 +32,7 @@ from imocap_core.rotations import exp, log, unwrap
 from imocap_core.workers import thread_map
 
 
-def level_prior(fit: FitParams) -> LevelPrior:
+def _level_prior(fit: FitParams) -> LevelPrior:
     """How cameras are held."""
     return LevelPrior(fit.camera_roll_deg, fit.camera_pitch_deg, fit.camera_pitch_down_deg)
 
@@ -55,8 +55,8 @@ def with_ground(
             )
             R_mean = turns[video.id].mean(axis=0).T @ camera.R
             bodies.append(_filmed(body.joints, detected[video.id], R_mean))
-    ground = estimate_ground(bodies, level_prior(fit))
-    return motion.model_copy(update={"ground": stored_ground(ground)})
+    ground = estimate_ground(bodies, _level_prior(fit))
+    return motion.model_copy(update={"ground": _stored_ground(ground)})
 
 
 def with_hands_on_ground(motion: SmplBa, model: Model, sync: SyncSummary) -> SmplBa:
@@ -88,31 +88,26 @@ def grounds_of(
     def ground(v: int) -> GroundPlane:
         R_mean = np.asarray(camera_motion.videos[v].R_first_from_frame.mean(axis=0).T)
         body = _filmed(videos[v].joints, keypoints.videos[v], R_mean)
-        return stored_ground(estimate_ground([body], level_prior(fit)))
+        return _stored_ground(estimate_ground([body], _level_prior(fit)))
 
     return thread_map(ground, range(len(videos)))
+
+
+_BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well
+SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
 
 
 def _filmed(
     joints: Float[np.ndarray, "T 24 3"], video: VideoKeypoints, R: Float[np.ndarray, "3 3"]
 ) -> FilmedBody:
-    return FilmedBody(joints, video.fps, R, limbs_seen(video).astype(float))
-
-
-BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well
-SEEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
-
-
-def limbs_seen(video: VideoKeypoints) -> Bool[np.ndarray, "T 24"]:
-    """Whether each of SMPL's joints is seen in each frame: those of arms and legs by their
-    keypoints, the others always."""
+    """Arms and legs are seen where their keypoints are, the other joints always."""
     names = layout_names(video.layout)
     shown = np.ones((len(video.frames), len(SMPL_JOINTS)), dtype=bool)
-    for side, limb in product(SIDES, BEYOND):
+    for side, limb in product(SIDES, _BEYOND):
         if (name := f"{side}_{limb}") in names:
-            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in (limb, *BEYOND[limb])]
+            rows = [SMPL_JOINTS.index(f"{side}_{part}") for part in (limb, *_BEYOND[limb])]
             shown[:, rows] = video.confidence[:, [names.index(name)]] >= SEEN
-    return shown
+    return FilmedBody(joints, video.fps, R, shown.astype(float))
 
 
 def held_deg(
@@ -124,7 +119,7 @@ def held_deg(
     return float(roll[0]), float(down[0])
 
 
-def stored_ground(ground: Ground) -> GroundPlane:
+def _stored_ground(ground: Ground) -> GroundPlane:
     """As an artifact has it."""
     return GroundPlane(
         up=ground.up,

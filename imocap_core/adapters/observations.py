@@ -242,12 +242,6 @@ def alternatives_of(
     return stored
 
 
-def cameras_of(cameras: Sequence[Camera], template: Tensor) -> scene.Cameras:
-    """Stored cameras as one batch; template: gives dtype and device."""
-    R, t, K = (np.stack([getattr(camera, name) for camera in cameras]) for name in "RtK")
-    return scene.Cameras(*(torch.as_tensor(x).to(template) for x in (R, t, K)))
-
-
 def smpl_ba_of(
     body: Body,
     motion: scene.JointMotion,
@@ -306,9 +300,10 @@ def joint_motion_of(
     if result.common is not None:
         common = _common_state(result.common, template)
         spread = scene.DeviationSpread(result.common.keypoint_sd_m, result.common.rigid_offset_sd)
+    R, t, K = (np.stack([getattr(camera, name) for camera in cameras]) for name in "RtK")
     return scene.JointMotion(
         state_of(motions, template),
-        cameras_of(cameras, template),
+        scene.Cameras(*(torch.as_tensor(x).to(template) for x in (R, t, K))),
         common,
         spread,
         result.objective,

@@ -8,7 +8,6 @@ variance, pelvis at the origin of the rest pose, mean stature 1.70 m.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
 from functools import lru_cache
 from importlib import resources
 
@@ -60,13 +59,9 @@ def _arrays() -> dict[str, np.ndarray]:
 def _digest(prefix: str) -> str:
     arrays = _arrays()
     names = ("v_template", "shapedirs", f"{prefix}weights", f"{prefix}J_regressor")
-    return _digest_of(arrays[name] for name in (*names, f"{prefix}kintree_table"))
-
-
-def _digest_of(arrays: Iterable[np.ndarray]) -> str:
-    """SHA-256 over shapes, types and values: the same for the same body on every machine."""
     total = hashlib.sha256()
-    for array in arrays:
+    for name in (*names, f"{prefix}kintree_table"):
+        array = arrays[name]
         total.update(f"{array.dtype.str}{array.shape}".encode())
         total.update(np.ascontiguousarray(array).tobytes())
     return total.hexdigest()

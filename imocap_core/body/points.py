@@ -211,14 +211,10 @@ def skin(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     rest = posed.shaped.joints_rest
     shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
     if shared:
-        return _skin_shared(posed)
+        # one matrix product of all bones and weighted vertices
+        rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
+        return turn(rows, posed.shaped.weighted_rest).transpose(-1, -2)
     return _skin_each(posed)
-
-
-def _skin_shared(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
-    """Many poses of one rest surface: one matrix product of all bones and weighted vertices."""
-    rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
-    return turn(rows, posed.shaped.weighted_rest).transpose(-1, -2)
 
 
 def weighted_rest(shaped: ShapedArrays) -> Float[Tensor, "... P V"]:

@@ -21,7 +21,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     from imocap_core.cli.app import command_line
 
-    _print_any_character()
+    # what the encoding lacks becomes a question mark, after hours of work too
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     everywhere, rest = hoisted([*(arguments or []), *sys.argv[1:]])
     words = everywhere + rest
     try:
@@ -38,13 +41,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"imocap: {_sentence(error)}\n")
         return 2 if isinstance(error, WrongUse) else 1
     return 0
-
-
-def _print_any_character() -> None:
-    """What the terminal's encoding lacks is printed as a question mark, after hours of work too."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
 
 
 def stage_main(stage: str) -> int:

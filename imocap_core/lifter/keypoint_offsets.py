@@ -57,19 +57,6 @@ def left_limb(xy_px: Float[np.ndarray, "T K 2"], names: Sequence[str], end: str)
     return LeftLimb(np.concatenate(vectors, axis=1) / spread[:, None], spread)
 
 
-def _filled_in_time(xy_px: Float[np.ndarray, "T K 2"]) -> Float[np.ndarray, "T K 2"]:
-    """Linear interpolation over time of missing points, constant beyond the ends; a point that is
-    in no frame stays NaN."""
-    filled = xy_px.copy()
-    every = np.arange(len(xy_px))
-    for k, axis in np.ndindex(*xy_px.shape[1:]):
-        column = xy_px[:, k, axis]
-        rows = np.flatnonzero(np.isfinite(column))
-        if len(rows):
-            filled[:, k, axis] = np.interp(every, rows, column[rows])
-    return filled
-
-
 FLIP = np.array([-1.0, 1.0])  # of coordinates in a mirrored picture
 
 
@@ -108,7 +95,13 @@ def corrected_marks(
     names, twins = list(names), list(mirror_indices(names))
     if not set(POINTS) <= set(names):
         return xy_px
-    filled = _filled_in_time(xy_px)
+    filled = xy_px.copy()
+    every = np.arange(len(xy_px))
+    for k, axis in np.ndindex(*xy_px.shape[1:]):
+        column = xy_px[:, k, axis]
+        rows = np.flatnonzero(np.isfinite(column))
+        if len(rows):
+            filled[:, k, axis] = np.interp(every, rows, column[rows])
     if not np.isfinite(filled[:, [names.index(name) for name in POINTS]]).all():
         return xy_px
     corrected = xy_px.copy()

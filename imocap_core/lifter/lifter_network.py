@@ -129,7 +129,8 @@ def person_centred_features(
     turned = torch.einsum("bij,blkj->blki", R, directions)
     visible = (confidence > 0) & (turned[..., 2] > LEAST_DEPTH)
     xy = turned[..., :2] / turned[..., 2:].clamp_min(LEAST_DEPTH)
-    middle = _median(xy, visible)
+    hidden = ~visible[..., None].expand_as(xy)
+    middle = xy.masked_fill(hidden, torch.nan).nanmedian(-2).values.nan_to_num(0.0)
     local = xy - middle[:, :, None]
     radius = local.norm(dim=-1).masked_fill(~visible, torch.nan).flatten(1).nanmedian(1).values
     size = radius.nan_to_num(0.1).clamp_min(1e-4)[:, None, None]
@@ -159,12 +160,6 @@ def _centring_rotation(
         torch.stack([tilt_c * pan_s, tilt_s, tilt_c * pan_c], -1),
     ]
     return torch.stack(rows, -2)
-
-
-def _median(xy: Float[Tensor, "B L K 2"], visible: Bool[Tensor, "B L K"]) -> Float[Tensor, "B L 2"]:
-    """Median of each frame's points; 0 where there is none."""
-    hidden = ~visible[..., None].expand_as(xy)
-    return xy.masked_fill(hidden, torch.nan).nanmedian(-2).values.nan_to_num(0.0)
 
 
 WINDOW = 27  # frames

@@ -400,7 +400,9 @@ def calibrate(
         start: its points, cameras and offsets; bone lengths are found from the points.
     """
     progress("calibrating the cameras from the event")
-    solved, status = _descend(problem, _with_lengths(problem, start))
+    visible_points = placed(problem.samples(start))
+    lengths = typical_lengths(bone_lengths(start.points, visible_points, problem.bones))
+    solved, status = _descend(problem, replace(start, lengths=lengths))
     sd = _column_sd(problem, solved)
     straight = np.abs(solved.distortion) < CERTAIN_SIGMAS * sd[:, DISTORTION]
     if (straight & ~problem.fixed_distortion).any():
@@ -412,12 +414,6 @@ def calibrate(
     return EventCalibration(
         solved, sd, _median_errors(problem, solved), problem.cost(solved), status
     )
-
-
-def _with_lengths(problem: EventProblem, rig: CameraRig) -> CameraRig:
-    visible_points = placed(problem.samples(rig))
-    lengths = typical_lengths(bone_lengths(rig.points, visible_points, problem.bones))
-    return replace(rig, lengths=lengths)
 
 
 def _descend(problem: EventProblem, rig: CameraRig) -> tuple[CameraRig, str]:

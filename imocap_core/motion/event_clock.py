@@ -63,17 +63,10 @@ def clock_of(
         if start_s is not None and np.isfinite(start_s[[v, reference]]).all():
             offset[v], agreement[v] = fps[v] * (start_s[reference] - start_s[v]), 1.0
         elif len(away):
-            offset[v] = _most_agreed(away, w, reach)
+            near = np.maximum(1 - ((away[:, None] - away) / reach) ** 2, 0.0)
+            densest = int((near @ w).argmax())
+            share = near[densest] * w
+            offset[v] = float((share @ away) / share.sum())
             agreement[v] = float(w[np.abs(away - offset[v]) <= reach].sum() / w.sum())
     offset[reference], rate[reference], agreement[reference] = 0.0, 1.0, 1.0
     return Clock(offset, rate, agreement)
-
-
-def _most_agreed(
-    values: Float[np.ndarray, " N"], weight: Float[np.ndarray, " N"], reach: float
-) -> float:
-    """The weighted mean of the values around the densest place."""
-    near = np.maximum(1 - ((values[:, None] - values) / reach) ** 2, 0.0)
-    densest = int((near @ weight).argmax())
-    share = near[densest] * weight
-    return float((share @ values) / share.sum())

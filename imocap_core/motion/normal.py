@@ -362,10 +362,6 @@ def add_product(
 def _damped(blocks: Tensor, damping: float | Tensor) -> Tensor:
     """Marquardt's scaling, in place: ``damping`` times the diagonal is added to it, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)
-    diagonal.add_(_addition(diagonal, damping))
-    return blocks
-
-
-def _addition(diagonal: Tensor, damping: float | Tensor) -> Tensor:
     floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
-    return damping * diagonal + floor
+    diagonal.add_(damping * diagonal + floor)
+    return blocks

@@ -391,14 +391,18 @@ class Tracks:
         """Follow everybody in the videos whose detections are there."""
         keys = {}
         for declared in action.videos:
-            source = _source(action, declared)
+            given = action.detected.get(declared.id) if declared.detected else declared.keypoints
+            place = None if given is None else action.folder / given
+            source = place if place is not None and place.exists() else None
             if source is None or (declared.video is not None and declared.id not in counts):
                 continue
             whole = counts.get(declared.id, 0) <= LONGEST_WHOLE
             asked = declared.model_copy(
                 update={"person": None, "frames": None if whole else declared.frames}
             )
-            key = _key(action, asked, source)
+            parts = asked.model_dump(mode="json", exclude={"id", "mirrored", "repetitions"})
+            text = json.dumps([str(action.folder), str(source), source.stat().st_mtime_ns, parts])
+            key = hashlib.sha256(text.encode()).hexdigest()[:24]
             keys[declared.id] = key
             if key not in self._outlines:
                 self._outlines[key] = TrackedOutlines()
@@ -414,19 +418,6 @@ class Tracks:
         if made.fault is not None:
             return {"state": "fault", "fault": made.fault}
         return {"state": "waiting"} if made.document is None else {"state": "ready", "key": key}
-
-
-def _source(action: Action, declared: Declaration) -> Path | None:
-    """The detections of a video, where they are."""
-    given = action.detected.get(declared.id) if declared.detected else declared.keypoints
-    place = None if given is None else action.folder / given
-    return place if place is not None and place.exists() else None
-
-
-def _key(action: Action, asked: Declaration, source: Path) -> str:
-    parts = asked.model_dump(mode="json", exclude={"id", "mirrored", "repetitions"})
-    text = json.dumps([str(action.folder), str(source), source.stat().st_mtime_ns, parts])
-    return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 def _follow(

@@ -67,10 +67,6 @@ def refusal(environ: Environ, token: str, port: int) -> tuple[str, str] | None:
         return None
     if method != "POST":
         return "405 Method Not Allowed", "expected GET or POST"
-    return _refused_write(environ, host)
-
-
-def _refused_write(environ: Environ, host: str) -> tuple[str, str] | None:
     if environ.get("HTTP_ORIGIN") != f"http://{host}":
         return "403 Forbidden", "changes are taken from the page itself only"
     if environ.get("CONTENT_TYPE", "").partition(";")[0].strip() != "application/json":

@@ -30,6 +30,10 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
     headline = (*METRICS_OF["summary"], *BODY_METRICS)
+    why: dict[str, str] = {}
+    for row in summary:
+        if row.value is None:
+            why.setdefault(row.metric, row.note)
     tables = [
         _wide_table("summary", summary, headline, per_video=False),
         _wide_table("pose", rows_and_summary, METRICS_OF["pose"]),
@@ -37,18 +41,9 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
         _wide_table("whole_body", summary, BODY_METRICS, per_video=False),
         _wide_table("sync", rows_and_summary, SYNC_METRICS),
         _wide_table("cameras", rows_and_summary, CAMERA_METRICS),
-        _unscored_table(summary),
+        table_of("unscored", [{"metric": m, "reason": reason} for m, reason in why.items()]),
     ]
     return [table for table in tables if table.rows]
-
-
-def _unscored_table(summary: Sequence[ScoreRow]) -> Table:
-    """Metrics that could not be scored for any video, and the reasons."""
-    why: dict[str, str] = {}
-    for row in summary:
-        if row.value is None:
-            why.setdefault(row.metric, row.note)
-    return table_of("unscored", [{"metric": m, "reason": reason} for m, reason in why.items()])
 
 
 def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Table:

@@ -126,7 +126,7 @@ def _of_all_videos(
         confidence=confidence,
         phase=phase,
         phase_confidence=of_phase,
-        affinity=_affinities_of_all(joint.affinity, used, lengths),
+        affinity=Affinities(strides(lengths), _renumbered(joint.affinity.pairs, used)),
         relaxed=BlockMaps(Blocks(tuple(lengths)), _renumbered(joint.relaxed.pairs, used)),
         centrality=centrality,
         cycle_residuals=[
@@ -138,11 +138,6 @@ def _of_all_videos(
         repetitions=[repetitions.get(v) for v in range(len(lengths))],
         screening=screening,
     )
-
-
-def _affinities_of_all(joint: Affinities, used: list[int], lengths: list[int]) -> Affinities:
-    """Those of the used videos; there are none of the others."""
-    return Affinities(strides(lengths), _renumbered(joint.pairs, used))
 
 
 def _renumbered(

@@ -73,15 +73,11 @@ def loop_sync_of(made: Made) -> LoopSync:
     )  # fmt: skip
 
 
-def problem_with(made: Made, first: SyncSummary) -> JointProblem:
-    params = Params()
-    given = (made.keypoints, made.camera_motion, made.initial, first, params.fit, params.motion)
-    return problem_of(*given)
-
-
 def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMotion]:
     first = summary_of(made.sync)
-    problem = problem_with(made, first)
+    params = Params()
+    given = (made.keypoints, made.camera_motion, made.initial, first, params.fit, params.motion)
+    problem = problem_of(*given)
     motion = problem.solution(made.single)
 
     def never(sync: SyncSummary) -> tuple[JointProblem, JointMotion]:

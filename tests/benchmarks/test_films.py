@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from benchmarks.actions.captured_videos import CapturedVideo
-from benchmarks.detection_errors import DetectedClip
 from benchmarks.rendered import measure, proposal
 from benchmarks.rendered_action import RenderedChoice, _with_body_joints, key_of, true_pose
 from benchmarks.synthetic import films, moving_yoga
@@ -145,15 +144,11 @@ def test_a_film_shows_the_performer_where_the_true_keypoints_are():
     assert ((clip.xy_px > 0) & (clip.xy_px < (320, 180))).all()
 
 
-def detected_films() -> list[DetectedClip]:
-    rng = np.random.default_rng(0)
-    return [replace(film(rng, 600), side=side) for side in ("front", "front", "back")]
-
-
 def test_the_proposal_gives_back_what_simulated_detections_were_made_with() -> None:
     from benchmarks.detection_errors import point_errors
 
-    given = detected_films()
+    rng = np.random.default_rng(0)
+    given = [replace(film(rng, 600), side=side) for side in ("front", "front", "back")]
     table = proposal(given, point_errors(given, NAMES), NAMES)
     rows = dict(line.strip("| ").split(" | ") for line in table.splitlines()[2:] if "|" in line)
     assert float(rows["noise"]) == pytest.approx(SPREAD, rel=0.1)

@@ -67,16 +67,6 @@ def made_pose(phase: np.ndarray) -> np.ndarray:
     return np.asarray(300 + 60 * (rest + sum(waves)))
 
 
-def made_phases() -> list[np.ndarray]:
-    """One motion of four seconds, timed in three ways."""
-    u, w = np.linspace(0, 1, 100), np.linspace(0, 1, 120)
-    return [
-        np.linspace(0, SECONDS, 110),
-        SECONDS * u**1.3,
-        SECONDS * (w + 0.08 * np.sin(2 * np.pi * w)),
-    ]
-
-
 def error_pct(phases: list[np.ndarray], estimated: list[np.ndarray]) -> float:
     """Mean |estimated - true phase| of the others, in per cent of the motion; video 0 is the
     reference."""
@@ -89,7 +79,12 @@ def error_pct(phases: list[np.ndarray], estimated: list[np.ndarray]) -> float:
 
 def test_one_motion_in_three_timings_is_aligned() -> None:
     rng = np.random.default_rng(1)
-    phases = made_phases()
+    u, w = np.linspace(0, 1, 100), np.linspace(0, 1, 120)
+    phases = [
+        np.linspace(0, SECONDS, 110),
+        SECONDS * u**1.3,
+        SECONDS * (w + 0.08 * np.sin(2 * np.pi * w)),
+    ]
     clips = [
         pose_clip(
             scale * (made_pose(p) + rng.normal(size=(len(p), 12, 2))) + rng.normal(size=2),

@@ -278,19 +278,6 @@ def test_sizes() -> None:
         bytes_of("much")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["clean", "--max-size", "two"], "invalid size 'two': expected a number with KB, MB, GB"),
-        (["clean", "--older", "-1"], "--older"),
-        (["clean", "--older", "soon"], "--older"),
-    ],
-)
-def test_wrong_options(toy: Toy, capsys: Capture, words: list[str], message: str) -> None:
-    assert toy.imocap(words) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_without_a_limit_nothing_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "0")
     monkeypatch.setattr(cleaning, "cached_results", lambda folder: pytest.fail("looked"))

@@ -76,17 +76,13 @@ def test_what_is_repeated_most_is_the_dominant_movement() -> None:
     assert best[1] >= len(OTHERS)
 
 
-def test_where_nothing_is_repeated_there_is_no_dominant_movement() -> None:
-    tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
+@pytest.mark.parametrize("replayed", [(), (SOUGHT,)])
+def test_where_nothing_but_a_take_s_replays_is_repeated_there_is_no_dominant_movement(
+    replayed: tuple,
+) -> None:
+    tracks = [track(m, shot=k) for k, m in enumerate((*replayed, *OTHERS, *replayed))]
     samples = [[matching.samples_of(t, rate) for rate in matching.RATES] for t in tracks]
-    assert dominant_template(samples, pool_of(tracks), lambda a, b: False) is None
-
-
-def test_replays_of_one_take_alone_are_no_repeated_movement() -> None:
-    tracks = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
-    tracks.append(track(SOUGHT, shot=9))
-    samples = [[matching.samples_of(t, rate) for rate in matching.RATES] for t in tracks]
-    same = {(0, 4), (4, 0)}
+    same = {(0, 4), (4, 0)} if replayed else set()
     assert dominant_template(samples, pool_of(tracks), lambda a, b: (a, b) in same) is None
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from imocap_core.collect import shots
 from imocap_core.collect.shots import content, find_shots, without_bars
-from tests.collect.made_shots import faded, mixed, place
+from tests.collect.conftest import faded, mixed, place
 
 
 @pytest.mark.parametrize("frames", [8, 14, 20])

@@ -10,7 +10,7 @@ from imocap_core.compare.parts import chance_of, pair_findings
 from imocap_core.compare.technique_report import pair_page
 from tests.compare.test_compare import of_two_performers
 from tests.pipeline.made_result import made_result
-from tests.report.browser import CHROMIUM, Browser
+from tests.report.browser import CHROMIUM, PAINTED, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
@@ -106,18 +106,11 @@ def test_distances_and_angles_of_clicked_joints(browser: Browser) -> None:
 
 
 def test_every_shown_body_has_its_curve(browser: Browser, page: str) -> None:
-    painted = (
-        "(() => { const c = document.getElementById('curves'), d = c.getContext('2d')"
-        ".getImageData(70, 18, c.width - 80, c.height - 25).data; let n = 0;"
-        "for (let i = 0; i < d.length; i += 4)"
-        "  n += Math.max(d[i], d[i+1], d[i+2]) - Math.min(d[i], d[i+1], d[i+2]) > 40;"
-        "return n; })()"
-    )
     browser.drawn()
-    both = browser.value(painted)
+    both = browser.value(PAINTED)
     browser.key("2")
     browser.drawn()
-    assert 0 < browser.value(painted) < 0.8 * both, "one curve of two is left"
+    assert 0 < browser.value(PAINTED) < 0.8 * both, "one curve of two is left"
     browser.key("2")
     assert '"sd":null' in page
 

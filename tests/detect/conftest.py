@@ -64,19 +64,14 @@ def detector_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path(sys.executable)
 
 
-def bars(columns: list[int | None]) -> list[np.ndarray]:
-    """Pictures with a bright bar at a column, black ones for None."""
+def clip(file: Path, columns: list[int | None]) -> Path:
+    """A video of such pictures."""
+    file.parent.mkdir(parents=True, exist_ok=True)
     pictures = []
     for column in columns:
         picture = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
         if column is not None:
             picture[:, column - 2 : column + 3] = 255
         pictures.append(picture)
-    return pictures
-
-
-def clip(file: Path, columns: list[int | None]) -> Path:
-    """A video of such pictures."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_h264(file, bars(columns), 30.0)
+    write_h264(file, pictures, 30.0)
     return file

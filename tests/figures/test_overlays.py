@@ -134,16 +134,8 @@ def test_keypoints_look_as_if_each_were_drawn_over_the_whole_picture() -> None:
     xy = rng.uniform(-6, 86, (40, 2))
     confidence = rng.uniform(0, 1.2, 40)
     names = ["left_knee", "right_knee", "neck", "nose"] * 10
-    np.testing.assert_array_equal(
-        draw_keypoints(cell, xy, confidence, names), _keypoints_naive(cell, xy, confidence, names)
-    )
-
-
-def _keypoints_naive(
-    cell: np.ndarray, xy_px: np.ndarray, confidence: np.ndarray, names: list[str]
-) -> np.ndarray:
     drawn = cell.copy()
-    for point, trust, name in zip(xy_px, confidence, names, strict=True):
+    for point, trust, name in zip(xy, confidence, names, strict=True):
         mark = drawn.copy()
         where = (round(float(point[0])), round(float(point[1])))
         cv2.circle(mark, where, 4, (25, 28, 32), -1, cv2.LINE_AA)
@@ -151,7 +143,7 @@ def _keypoints_naive(
         cv2.circle(mark, where, 3, side, -1, cv2.LINE_AA)
         share = 0.3 + 0.7 * min(float(trust), 1.0)
         drawn = cv2.addWeighted(mark, share, drawn, 1 - share, 0)
-    return drawn
+    np.testing.assert_array_equal(draw_keypoints(cell, xy, confidence, names), drawn)
 
 
 def _videos(made: Made):
@@ -326,13 +318,17 @@ def test_the_overlay_film_has_every_used_frame_named_and_tinted(made: Made, tmp_
     assert green[1] - green[0] > own[1] - own[0] + 1
 
 
+def drawn():
+    figure = new_figure(2.0, 1.5)
+    axes = figure.add_subplot()
+    axes.plot([0, 1], [1, 0])
+    axes.set_title("a title")
+    return figure
+
+
 def picture(file: Path) -> bytes:
     with quiet():
-        figure = new_figure(2.0, 1.5)
-        axes = figure.add_subplot()
-        axes.plot([0, 1], [1, 0])
-        axes.set_title("a title")
-        save(figure, file)
+        save(drawn(), file)
     return file.read_bytes()
 
 
@@ -354,9 +350,6 @@ def test_the_style_ends_with_an_error(tmp_path: Path) -> None:
 def test_a_figure_is_as_matplotlib_lays_it_out(tmp_path: Path) -> None:
     laid_out = picture(tmp_path / "a.png")
     with quiet():
-        figure = new_figure(2.0, 1.5)
-        axes = figure.add_subplot()
-        axes.plot([0, 1], [1, 0])
-        axes.set_title("a title")
+        figure = drawn()
         figure.savefig(tmp_path / "b.png", dpi=figure.dpi, metadata={"Software": None})
     assert laid_out == (tmp_path / "b.png").read_bytes()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, SyncTrust
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap
 from imocap_core.figures.style import DIMMED, quiet, save
 from imocap_core.figures.sync_figures import sync_picture, uncertainty_s
 from imocap_core.figures.sync_summary import common_moments, retimed, sync_rows, title_of
@@ -138,18 +138,14 @@ def test_many_tiles_stay_on_a_screen(made: Made) -> None:
         assert rows * (height + 6) <= 1206
 
 
-def _films(folder: Path, made: Made) -> dict[str, Path]:
-    """Videos whose frame n is grey of 10 n."""
+def test_tiles_show_the_frame_that_is_matched(made: Made, tmp_path: Path) -> None:
+    # frame n is grey of 10 n
     files = {}
     for video in made.keypoints.videos:
-        files[video.id] = folder / f"{video.id}.mp4"
+        files[video.id] = tmp_path / f"{video.id}.mp4"
         pictures = (np.full((SIZE[1], SIZE[0], 3), 10 * n, dtype=np.uint8) for n in range(24))
         write_h264(files[video.id], pictures, FPS)
-    return files
-
-
-def test_tiles_show_the_frame_that_is_matched(made: Made, tmp_path: Path) -> None:
-    tracks = synced_videos(made.keypoints, made.refined.sync, _films(tmp_path, made))
+    tracks = synced_videos(made.keypoints, made.refined.sync, files)
     assert [t.name for t in tracks] == ["v1 (reference)", "v2", "v3"]
     shape = tile_shape(made.keypoints.videos)
     film = list(side_by_side(tracks, shape))
@@ -185,17 +181,13 @@ def test_an_unmatched_tile_is_dimmed_and_says_so() -> None:
     assert not (shown[-3, 250:] == track.rgb).all(axis=-1).any()
 
 
-def _trusted(made: Made) -> SyncTrust:
-    """The phases that the made videos have, from before the reference to after it."""
-    phases = [f / FPS for f in made.frames]
-    phases[1] = phases[1] - 1 / FPS
-    return trust_in(dict(zip(made.ids, phases, strict=True)))
-
-
 def test_a_film_lasts_as_long_as_any_video_has_a_place(made: Made) -> None:
     sync = made.refined.sync
     np.testing.assert_array_equal(common_moments(made.keypoints, sync), np.arange(16))
-    common = sync.model_copy(update={"trust": _trusted(made)})
+    # from before the reference to after it
+    phases = [f / FPS for f in made.frames]
+    phases[1] = phases[1] - 1 / FPS
+    common = sync.model_copy(update={"trust": trust_in(dict(zip(made.ids, phases, strict=True)))})
     moments = common_moments(made.keypoints, common)
     np.testing.assert_array_equal(moments, np.arange(20))  # v3 begins 4 frames late
     reference, second, third = synced_videos(made.keypoints, common, dict.fromkeys(made.ids))

@@ -75,20 +75,20 @@ def write_coco_wholebody(folder: Path, made: People) -> Path:
 
 
 def write_mmpose(folder: Path, made: People) -> Path:
-    listed = [
-        {"frame_id": frame + 1, "instances": [_instance(person) for person in in_frame]}
-        for frame, in_frame in made.items()
-    ]
+    listed = _mmpose_frames(made, first=1)
     content = {"meta_info": {"dataset_name": "coco"}, "instance_info": listed}
     return _json(folder / "results_clip.json", content)
 
 
 def write_mmpose_inferencer(folder: Path, made: People) -> Path:
-    listed = [
-        {"frame_id": frame, "instances": [_instance(person) for person in in_frame]}
+    return _json(folder / "clip.json", _mmpose_frames(made, first=0))
+
+
+def _mmpose_frames(made: People, first: int) -> list[dict[str, Any]]:
+    return [
+        {"frame_id": frame + first, "instances": [_instance(person) for person in in_frame]}
         for frame, in_frame in made.items()
     ]
-    return _json(folder / "clip.json", listed)
 
 
 def _instance(person: np.ndarray) -> dict[str, Any]:

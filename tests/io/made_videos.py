@@ -40,7 +40,10 @@ def write_video(
     then the upper quarter is black.
     """
     width, height = size
-    must_encode(codec)
+    try:
+        av.Codec(codec, "w")
+    except ValueError:
+        pytest.skip(f"this build of FFmpeg has no encoder {codec}")
     with av.open(str(path), "w", options=options or {}) as container:
         container.metadata.update(metadata or {})
         stream = container.add_stream(codec, rate=rate)
@@ -75,14 +78,6 @@ def turn(path: Path) -> None:
     matrix = content.index(b"tkhd") + 4 + 40
     content[matrix : matrix + len(TURNED)] = TURNED
     path.write_bytes(content)
-
-
-def must_encode(codec: str) -> None:
-    """Skip the test where FFmpeg has no such encoder."""
-    try:
-        av.Codec(codec, "w")
-    except ValueError:
-        pytest.skip(f"this build of FFmpeg has no encoder {codec}")
 
 
 def write_timed(

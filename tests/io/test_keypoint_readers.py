@@ -228,18 +228,13 @@ def test_wrong_entries_are_named(tmp_path: Path) -> None:
             read(path, "coco", "coco17")
 
 
-def evil_npz(folder: Path, array: str, victim: Path) -> Path:
-    path = folder / "evil.npz"
-    arrays = {name: np.array({}, dtype=object) for name in ("positions_2d", "metadata")}
-    arrays[array] = np.array({"S1": touching(victim)}, dtype=object)
-    np.savez(path, **arrays)
-    return path
-
-
 @pytest.mark.parametrize("array", ["positions_2d", "metadata"])
 def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
     victim = tmp_path / "victim"
-    path = evil_npz(tmp_path, array, victim)
+    path = tmp_path / "evil.npz"
+    arrays = {name: np.array({}, dtype=object) for name in ("positions_2d", "metadata")}
+    arrays[array] = np.array({"S1": touching(victim)}, dtype=object)
+    np.savez(path, **arrays)
     layouts = {"metadata": None, "positions_2d": "h36m17"}[array]
     with pytest.raises(ValueError, match="refused, it can't be read safely"):
         read(path, *format_and_layout(path, "cpn_npz", layouts))
@@ -252,8 +247,9 @@ def _write(folder: Path, people: list[np.ndarray]) -> Path:
     return made.write_openpose(folder, {n: [p] if len(p) else [] for n, p in enumerate(people)})
 
 
-def _people(layout: str, frames: int = 8) -> list[np.ndarray]:
-    """A standing body seen from all sides."""
+@pytest.mark.parametrize("layout", ["body25", "body25b"])
+def test_the_two_layouts_of_25_points_are_told_apart(layout: str, tmp_path: Path) -> None:
+    # a standing body seen from all sides
     model = load_free_body()
     points = model.points(layout)
     posed = model.shape(torch.zeros(10, dtype=torch.float64)).pose(
@@ -262,18 +258,13 @@ def _people(layout: str, frames: int = 8) -> list[np.ndarray]:
     xyz = posed.keypoints(points).numpy()
     rng = np.random.default_rng(0)
     people = []
-    for angle in np.linspace(0, 3, frames):
+    for angle in np.linspace(0, 3, 8):
         x = 200 * (np.cos(angle) * xyz[:, 0] + np.sin(angle) * xyz[:, 2]) + 500
         person = np.zeros((25, 3))
         xy = np.column_stack([x, 400 - 200 * xyz[:, 1]]) + rng.normal(size=(len(xyz), 2))
         person[list(points.columns or range(25))] = np.column_stack([xy, np.full(len(xy), 0.9)])
         people.append(person)
-    return people
-
-
-@pytest.mark.parametrize("layout", ["body25", "body25b"])
-def test_the_two_layouts_of_25_points_are_told_apart(layout: str, tmp_path: Path) -> None:
-    folder = _write(tmp_path, [np.zeros((0, 3)), *_people(layout)])
+    folder = _write(tmp_path, [np.zeros((0, 3)), *people])
     assert guess_detections(folder) == ("openpose", layout)
 
 

@@ -274,18 +274,15 @@ def tilted(degrees):
     return np.concatenate([0 * hips[:, None] + across, hips[:, None] + across], axis=1)
 
 
-@pytest.mark.parametrize("stretch", [(0, 1), (0, 4), (30, 31), (40, 52), (87, 90)])
-def test_frames_in_which_the_trunk_jumps_away_and_back_are_lost(stretch):
+JUMPS = [((160.0, 90.0), s) for s in ((0, 1), (0, 4), (30, 31), (40, 52), (87, 90))]
+UPSIDE_DOWN = [((175.0, 5.0), s) for s in ((0, 30), (20, 60), (60, 90))]  # lost however many
+
+
+@pytest.mark.parametrize(("degrees", "stretch"), JUMPS + UPSIDE_DOWN)
+def test_frames_in_which_the_trunk_jumps_or_is_upside_down_of_a_sudden_are_lost(degrees, stretch):
     away = np.isin(np.arange(90), np.arange(*stretch))
-    xy = tilted(np.where(away, 160.0, 90.0)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
+    xy = tilted(np.where(away, *degrees)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
     np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), away)
-
-
-@pytest.mark.parametrize("stretch", [(0, 30), (20, 60), (60, 90)])
-def test_frames_in_which_somebody_is_upside_down_of_a_sudden_are_lost_however_many(stretch):
-    over = np.isin(np.arange(90), np.arange(*stretch))
-    xy = tilted(np.where(over, 175.0, 5.0)) + np.random.default_rng(0).normal(0, 1.0, (90, 4, 2))
-    np.testing.assert_array_equal(tracking.lost_frames(xy, TALL_PX, TRUNK, FPS), over)
 
 
 def test_who_is_upright_again_after_one_jump_back_is_not_lost():

@@ -27,8 +27,13 @@ def sphere(radius: float, rings: int = 16) -> tuple[np.ndarray, np.ndarray]:
     return vertices.reshape(-1, 3), faces
 
 
-def rasterize_naive(xy, depth, faces, size):
-    """One pixel and one triangle at a time; the nearest face index or -1, (height, width)."""
+def test_rasterize_agrees_with_its_slow_twin():
+    rng = np.random.default_rng(0)
+    xy, depth = rng.uniform(-4, 24, (30, 2)), rng.uniform(1, 3, 30)
+    faces = rng.permutation(30).reshape(10, 3)
+    fragments = rasterize(xy, depth, faces, (20, 16))
+    # One pixel and one triangle at a time; the nearest face index or -1, (height, width).
+    size = (20, 16)
     nearest = np.full(size[::-1], np.inf)
     winner = np.full(size[::-1], -1)
     for index, face in enumerate(faces):
@@ -45,15 +50,6 @@ def rasterize_naive(xy, depth, faces, size):
                 z = 1 / np.dot([1 - w1 - w2, w1, w2], 1 / depth[face])
                 if z < nearest[y, x]:
                     nearest[y, x], winner[y, x] = z, index
-    return nearest, winner
-
-
-def test_rasterize_agrees_with_its_slow_twin():
-    rng = np.random.default_rng(0)
-    xy, depth = rng.uniform(-4, 24, (30, 2)), rng.uniform(1, 3, 30)
-    faces = rng.permutation(30).reshape(10, 3)
-    fragments = rasterize(xy, depth, faces, (20, 16))
-    nearest, winner = rasterize_naive(xy, depth, faces, (20, 16))
     winning_face = np.full(20 * 16, -1)
     winning_face[fragments.pixel] = fragments.face
     assert (winning_face.reshape(16, 20) == winner).all()

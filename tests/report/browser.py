@@ -30,6 +30,13 @@ FLAGS = (
 )
 PATIENCE_S = 60.0
 CONTRAST = Path(__file__).with_name("contrast.js")
+PAINTED = (  # pixels of the curves that have a colour
+    "(() => { const c = document.getElementById('curves'), d = c.getContext('2d')"
+    ".getImageData(70, 18, c.width - 80, c.height - 25).data; let n = 0;"
+    "for (let i = 0; i < d.length; i += 4)"
+    "  n += Math.max(d[i], d[i+1], d[i+2]) - Math.min(d[i], d[i+1], d[i+2]) > 40;"
+    "return n; })()"
+)
 
 
 class Browser:

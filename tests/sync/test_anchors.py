@@ -10,9 +10,9 @@ from imocap_core.sync import Anchor, Hints, SyncResult
 from imocap_core.sync.anchors import AnchorPoint, anchored_squares, led_through
 from imocap_core.sync.reference import anchor_penalty
 from imocap_core.sync.warp.template import NearbySquares
-from tests.sync.phase_positions import positions_in
 from tests.sync.test_synchronise import FOUR_FPS, estimated, four_phases, run
 from tests.sync.test_synchronise import PARAMS as USUAL
+from tests.sync.test_time_axis import positions_in
 
 PARAMS = replace(USUAL, consensus_rounds=1, outliers="ignore", mirrored="ignore")
 

@@ -145,15 +145,11 @@ def test_a_symmetric_action_is_never_mirrored_however_precise_or_wrong_its_video
     assert (result.mirrored, result.outliers, result.symmetric) == ((), (), True)
 
 
-def small(seed: int) -> np.ndarray:
-    """A motion that changes little beside the pose that lasts, as push-ups and squats do."""
-    motion = motion_of(seed)
-    return np.asarray(motion.mean(axis=0) + 0.3 * (motion - motion.mean(axis=0)))
-
-
 @pytest.mark.long
 def test_half_the_speed_a_bad_stretch_and_a_lasting_error_are_no_other_action() -> None:
-    videos = videos_of(small(1))
+    # a motion that changes little beside the pose that lasts, as push-ups and squats do
+    motion = motion_of(1)
+    videos = videos_of(np.asarray(motion.mean(axis=0) + 0.3 * (motion - motion.mean(axis=0))))
     slow = lastingly_wrong(depth_reversed(videos[2]), 0.4, 1)
     rows, rng = np.repeat(np.arange(60), 2), np.random.default_rng(2)
     xy_px = slow.keypoints.xy_px[rows]

@@ -71,24 +71,20 @@ def test_an_empty_cost_is_refused() -> None:
         dtw(np.zeros((0, 3)))
 
 
-def posterior_naive(cost: np.ndarray, steps: StepPrior) -> np.ndarray:
-    """Every non-decreasing sequence of positions, weighted by its steps and exp(-cost)."""
-    n, S = cost.shape
-    out = np.zeros((n, S))
-    for warp in itertools.combinations_with_replacement(range(S), n):
-        step = np.diff(warp)
-        prior = np.where(step <= steps.usual, 1.0, np.where(step <= steps.largest, steps.leap, 0.0))
-        out[np.arange(n), warp] += prior.prod() * np.exp(-cost[np.arange(n), warp].sum())
-    return out / out.sum(axis=1, keepdims=True)
-
-
 @pytest.mark.parametrize(
     "steps", [ANY_STEP, StepPrior(1, 1, 0.0), StepPrior(2, 2, 0.3), StepPrior(1, 3, 0.2)]
 )
 def test_is_the_mean_over_all_warps(steps: StepPrior) -> None:
     cost = 3.0 * np.random.default_rng(0).random((5, 6))
     maps, matched = monotone_posterior(cost, unmatched=np.inf, steps=steps)
-    np.testing.assert_allclose(maps, posterior_naive(cost, steps), atol=1e-9)
+    # every non-decreasing sequence of positions, weighted by its steps and exp(-cost)
+    n, S = cost.shape
+    out = np.zeros((n, S))
+    for warp in itertools.combinations_with_replacement(range(S), n):
+        step = np.diff(warp)
+        prior = np.where(step <= steps.usual, 1.0, np.where(step <= steps.largest, steps.leap, 0.0))
+        out[np.arange(n), warp] += prior.prod() * np.exp(-cost[np.arange(n), warp].sum())
+    np.testing.assert_allclose(maps, out / out.sum(axis=1, keepdims=True), atol=1e-9)
     np.testing.assert_allclose(matched, 1.0)
 
 
@@ -152,30 +148,26 @@ PRIOR = RatePrior(
 )
 
 
-def rate_posterior_naive(cost: np.ndarray, prior: RatePrior, skipped: float) -> np.ndarray:
-    """Every sequence of positions and rates, weighted by its probability and exp(-cost)."""
-    n, S = cost.shape
-    out = np.zeros((n, S))
-    states = list(itertools.product(range(S), range(len(prior.share))))
-    for path in itertools.product(states, repeat=n):
-        weight = prior.share[path[0][1]] * np.exp(-skipped * (path[0][0] + S - 1 - path[-1][0]))
-        for (a, k), (b, m) in itertools.pairwise(path):
-            whole = int(prior.advance[k])
-            part = prior.advance[k] - whole
-            step = {whole: 1 - part, whole + 1: part}.get(b - a, 0.0)
-            weight *= step * prior.moves[k, m]
-        positions = [s for s, _ in path]
-        out[np.arange(n), positions] += weight * np.exp(-cost[np.arange(n), positions].sum())
-    return out / out.sum(axis=1, keepdims=True)
-
-
 @pytest.mark.parametrize("skipped", [0.0, 0.7])
 def test_is_the_mean_over_all_warps_of_smooth_rate(skipped: float) -> None:
     cost = 2.0 * np.random.default_rng(0).random((4, 5))
     maps, matched = banded_rate_posterior(
         whole_band(cost), PRIOR, unmatched=np.inf, skipped=skipped
     )
-    np.testing.assert_allclose(maps.dense(), rate_posterior_naive(cost, PRIOR, skipped), atol=1e-9)
+    # every sequence of positions and rates, weighted by its probability and exp(-cost)
+    n, S = cost.shape
+    out = np.zeros((n, S))
+    states = list(itertools.product(range(S), range(len(PRIOR.share))))
+    for path in itertools.product(states, repeat=n):
+        weight = PRIOR.share[path[0][1]] * np.exp(-skipped * (path[0][0] + S - 1 - path[-1][0]))
+        for (a, k), (b, m) in itertools.pairwise(path):
+            whole = int(PRIOR.advance[k])
+            part = PRIOR.advance[k] - whole
+            step = {whole: 1 - part, whole + 1: part}.get(b - a, 0.0)
+            weight *= step * PRIOR.moves[k, m]
+        positions = [s for s, _ in path]
+        out[np.arange(n), positions] += weight * np.exp(-cost[np.arange(n), positions].sum())
+    np.testing.assert_allclose(maps.dense(), out / out.sum(axis=1, keepdims=True), atol=1e-9)
     np.testing.assert_allclose(matched, 1.0, atol=1e-6)
 
 

@@ -14,17 +14,13 @@ from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated, run
 SLOW_FPS = 15.0
 
 
-def one_in_slow_motion() -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Phases and estimates of three videos, the second at a quarter of the speed."""
-    rng = np.random.default_rng(20)
-    phases = [np.linspace(1.0, 4.0, 45), np.linspace(1.2, 3.8, 156), np.linspace(0.9, 4.2, 48)]
-    return phases, [estimated(p, rng) for p in phases]
-
-
 @pytest.mark.parametrize(("max_rate", "reference"), [(4.0, None), (np.inf, 1)])
 def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int | None) -> None:
     """Beyond the largest rate it is no reference, unless it was given as such."""
-    phases, poses = one_in_slow_motion()
+    # the second at a quarter of the speed
+    rng = np.random.default_rng(20)
+    phases = [np.linspace(1.0, 4.0, 45), np.linspace(1.2, 3.8, 156), np.linspace(0.9, 4.2, 48)]
+    poses = [estimated(p, rng) for p in phases]
     params = replace(PARAMS, max_rate=max_rate)
     result = run(poses, params, reference=reference, fps=[SLOW_FPS] * 3)
     assert (result.reference == 1) == (reference == 1)

@@ -5,6 +5,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from jaxtyping import Float
 
 from imocap_core.sync.axes import averaged_over_axes, axes_of, inverted
 from imocap_core.sync.maps import Blocks
@@ -20,7 +21,18 @@ from imocap_core.sync.time_axis import (
     pace_spread,
 )
 from imocap_core.sync.warp.soft_maps import Clocks
-from tests.sync.phase_positions import positions_in
+
+
+def positions_in(
+    phase: Float[np.ndarray, " T"], other: Float[np.ndarray, " S"]
+) -> Float[np.ndarray, " T"]:
+    """Position of phases among another video's frames, fractional; NaN outside its range."""
+    frames = np.arange(len(other), dtype=np.float64)
+    if not np.isfinite(other).all():
+        return np.full(len(phase), np.nan)
+    rising = other + 1e-9 * frames  # of frames of equal phase, any will do
+    return np.interp(phase, rising, frames, left=np.nan, right=np.nan)
+
 
 FPS = 25.0
 

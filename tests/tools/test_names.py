@@ -91,12 +91,6 @@ LINT = [sys.executable, "-c", "from importlinter.cli import lint_imports_command
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
 
 
-def lint(folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*LINT, "--no-cache"], cwd=folder, capture_output=True, text=True, check=False
-    )
-
-
 def named_modules() -> list[str]:
     """Every module of this project that the contracts name, packages before what is in them."""
     names = set(SETTINGS["root_packages"])
@@ -134,7 +128,9 @@ def test_a_wrong_arrow_is_seen(tmp_path, importer, imported, contract):
             (package / "__init__.py").touch()
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path.joinpath(*importer.split(".")) / "__init__.py").write_text(f"import {imported}\n")
-    done = lint(tmp_path)
+    done = subprocess.run(
+        [*LINT, "--no-cache"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     if contract is None:
         assert done.returncode == 0, done.stdout
     else:

@@ -93,15 +93,13 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_python_on_the_path_is_taken(machine: Path) -> None:
+def test_the_python_on_the_path_is_taken_but_a_failing_shim_gives_way_to_pyenv_s_newest(
+    machine: Path,
+) -> None:
     expected = script(machine / "bin" / "python3.99", ANSWERS)
     script(machine / "pyenv/versions/3.99.2/bin/python", ANSWERS)
     assert other_pythons.interpreter("3.99") == expected
-
-
-def test_a_shim_that_fails_gives_way_to_the_newest_that_pyenv_installed(machine: Path) -> None:
     script(machine / "bin" / "python3.99", FAILS)
-    script(machine / "pyenv/versions/3.99.2/bin/python", ANSWERS)
     newest = script(machine / "pyenv/versions/3.99.10/bin/python", ANSWERS)
     script(machine / "pyenv/versions/3.99.11/bin/python", FAILS)
     assert other_pythons.interpreter("3.99") == newest

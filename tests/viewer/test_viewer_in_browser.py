@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imocap_core.figures.style import VIDEO_COLORS
-from tests.report.browser import CHROMIUM, Browser
+from tests.report.browser import CHROMIUM, PAINTED, Browser
 from tests.report.made import Made
 from tests.report.viewed import Page, page_of, write_clip
 from tests.viewer.test_viewer import skinned
@@ -238,20 +238,13 @@ def test_the_eye_stays_above_the_ground(browser: Browser) -> None:
 
 
 def test_curves_of_chosen_joints(browser: Browser) -> None:
-    painted = (
-        "(() => { const c = document.getElementById('curves'), d = c.getContext('2d')"
-        ".getImageData(70, 18, c.width - 80, c.height - 25).data; let n = 0;"
-        "for (let i = 0; i < d.length; i += 4)"
-        "  n += Math.max(d[i], d[i+1], d[i+2]) - Math.min(d[i], d[i+1], d[i+2]) > 40;"
-        "return n; })()"
-    )
     browser.value("imocap.act.state.curves.joints = [21], imocap.act.seek(0.3)")
     browser.drawn()
-    one = browser.value(painted)
+    one = browser.value(PAINTED)
     assert one > 50
     browser.value("[20, 4, 18].forEach(j => imocap.act.joint(j, true))")
     browser.drawn()
-    assert browser.value(painted) > 1.5 * one
+    assert browser.value(PAINTED) > 1.5 * one
     assert "left knee" in browser.value("document.getElementById('chosen').textContent")
     bend = "imocap.curves.course(0, 'final', 4, 'bend')"
     browser.value("imocap.act.quantity('bend')")

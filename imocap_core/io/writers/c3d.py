@@ -137,19 +137,13 @@ def c3d_bytes(trial: C3dTrial) -> bytes:
     more than C3D's parameters hold."""
     blocks = len(_parameter_section(_groups(trial, 2))) // BLOCK
     data_start = 2 + blocks
-    return (
-        _header(trial, data_start) + _parameter_section(_groups(trial, data_start)) + _data(trial)
-    )
-
-
-def _header(trial: C3dTrial, data_start: int) -> bytes:
     first, last = trial.first, trial.first + trial.frames - 1
     if last > HEADER_END:  # the parameters TRIAL:ACTUAL_... have the numbers
         first, last = 1, min(trial.frames, HEADER_END)
     points = len(trial.markers_mm) + len(trial.angles_deg)
     head = struct.pack("<BBHHHHH", 2, 80, points, 0, first, last, 0)
     head += struct.pack("<fHHf", -RESIDUAL_MM, data_start, 0, trial.fps)
-    return head.ljust(BLOCK, b"\0")
+    return head.ljust(BLOCK, b"\0") + _parameter_section(_groups(trial, data_start)) + _data(trial)
 
 
 def _groups(trial: C3dTrial, data_start: int) -> dict[str, Group]:

@@ -49,16 +49,12 @@ def frames_to_next_look(people: Sequence[FollowedPerson]) -> int:
     if any(not person.is_established for person in people):
         return 1
     is_even_long = people and all(is_even(person.looks, LONGEST) for person in people)
-    if is_even_long and not _are_in_each_others_way(people):
-        return LONGEST
-    return 2 if any(is_even(person.looks, 2) for person in people) else 1
-
-
-def _are_in_each_others_way(people: Sequence[FollowedPerson]) -> bool:
-    return any(
+    if is_even_long and not any(
         is_in_the_way(a.body, b.body) or is_in_the_way(b.body, a.body)
         for a, b in combinations(people, 2)
-    )
+    ):
+        return LONGEST
+    return 2 if any(is_even(person.looks, 2) for person in people) else 1
 
 
 EVERY = 5  # frames from one look at the whole picture to the next

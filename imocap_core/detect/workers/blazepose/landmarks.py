@@ -87,7 +87,9 @@ def is_same(a: Crop, b: Crop) -> bool:
 def pixels(picture: Pyramid, crop: Crop, size: int) -> Any:
     """The crop's pixels, (size, size, 3), black outside the picture; reduced by area, so that
     fine patterns do not become coarse ones."""
-    times = _halvings(picture, crop, size)
+    # halved until the crop has hardly more than the asked pixels
+    most = math.log2(max(min(picture.shape[:2]), 1))
+    times = max(0, int(min(math.log2(max(crop.side / size, 1)), most)))
     share = 0.5**times
     fine = size * max(1, round(share * crop.side / size))
     axes = share * crop.axes / fine
@@ -97,12 +99,6 @@ def pixels(picture: Pyramid, crop: Crop, size: int) -> Any:
     matrix = np.column_stack([axes, first])
     cut = cv2.warpAffine(picture.halved(times), matrix, (fine, fine), flags=flags)
     return cut if fine == size else cv2.resize(cut, (size, size), interpolation=cv2.INTER_AREA)
-
-
-def _halvings(picture: Pyramid, crop: Crop, size: int) -> int:
-    """How often a picture can be halved until a crop has hardly more than the asked pixels."""
-    most = math.log2(max(min(picture.shape[:2]), 1))
-    return max(0, int(min(math.log2(max(crop.side / size, 1)), most)))
 
 
 class Pyramid:
