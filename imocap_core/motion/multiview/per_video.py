@@ -406,7 +406,8 @@ def at_video_frames(
     matched = targets.trust > 0
     betas = torch.cat([common.of_performer(p).betas for p in scene.performers])
     place = targets.root - scene.body.model.shape(betas).joints_rest[:, 0][:, None]
-    row, edge = torch.arange(len(matched))[:, None], nearest_true(matched)
+    edge = nearest_true(matched)
+    row = torch.arange(len(matched), device=edge.device)[:, None]
     turn = targets.R_local[row, edge] @ state.R_local[row, edge].mT
     step = place[row, edge] - state.trans[row, edge]
     joined = matched.any(dim=1)[:, None, None]

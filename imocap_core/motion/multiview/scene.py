@@ -422,7 +422,7 @@ def consensus_motion(
     if together.any():
         edge = nearest_true(together[None])[0]
         alone = world.weight.argmax(dim=0)
-        frames = torch.arange(len(edge))
+        frames = torch.arange(len(edge), device=edge.device)
         turn = R[edge] @ world.R_local[alone, edge].mT
         R = torch.where(together[:, None, None, None], R, turn @ world.R_local[alone, frames])
     path = world.root[scene.reference]
