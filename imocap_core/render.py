@@ -291,14 +291,7 @@ def paint_mesh(
     shown = _far_to_near(fine, depth, faces, ahead)
     tone = _tones(vertices, faces[shown], light or Light())
     size = ((x1 - x0) * supersample, (y1 - y0) * supersample)
-    # triangles painted one after another
-    shades = np.clip(np.linspace(0, _BRIGHTEST, _TONES)[:, None] * rgb, 0, 255)
-    table = [(*shade, 255.0) for shade in shades.tolist()]
-    corners = np.rint(fine[faces[shown]] * 2**_FRACTION_BITS).astype(np.int32)
-    colors = map(table.__getitem__, tone.tolist())
-    paint = np.zeros((size[1], size[0], 4), np.uint8)
-    fixed = repeat(cv2.LINE_8), repeat(_FRACTION_BITS)
-    deque(map(cv2.fillConvexPoly, repeat(paint), corners, colors, *fixed), maxlen=0)
+    paint = _fill(fine[faces[shown]], tone, rgb, size)
     coarse = cv2.resize(paint, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
     front = _smoothed(np.asarray(coarse, np.uint8), xy_px[faces[shown]])
     drawn = image.copy()
@@ -327,6 +320,23 @@ def _tones(
     corners = light.intensity(vertex_normals(vertices, faces))
     share = np.clip(corners[faces].mean(axis=1) / _BRIGHTEST, 0.0, 1.0)
     return np.rint(share * (_TONES - 1)).astype(np.int64)
+
+
+def _fill(
+    triangles: Float[np.ndarray, "N 3 2"],
+    tone: Int[np.ndarray, " N"],
+    rgb: Float[np.ndarray, "3"],
+    size: tuple[int, int],
+) -> UInt8[np.ndarray, "H W 4"]:
+    """Colour and coverage of triangles painted one after another."""
+    shades = np.clip(np.linspace(0, _BRIGHTEST, _TONES)[:, None] * rgb, 0, 255)
+    table = [(*shade, 255.0) for shade in shades.tolist()]
+    corners = np.rint(triangles * 2**_FRACTION_BITS).astype(np.int32)
+    colors = map(table.__getitem__, tone.tolist())
+    paint = np.zeros((size[1], size[0], 4), np.uint8)
+    fixed = repeat(cv2.LINE_8), repeat(_FRACTION_BITS)
+    deque(map(cv2.fillConvexPoly, repeat(paint), corners, colors, *fixed), maxlen=0)
+    return paint
 
 
 def _smoothed(

@@ -83,6 +83,14 @@ def _solve_hands(
     return descent.state, torch.as_tensor(descent.costs[-1]).to(state.angles)
 
 
+def _solve_hands_and_size(
+    problem: HandProblem, state: HandState, max_steps: int, size_spread: float
+) -> HandState:
+    """Hands and the one size of all of them; size_spread: of its logarithm about 0."""
+    together = _OneSize(problem, size_spread)
+    return descend(together, state, max_steps=max_steps, tolerance=TOLERANCE).state
+
+
 def linearise(problem: HandProblem, state: HandState) -> NormalEquations:
     """The normal equations at a state, the size its one global; padded frames get an identity."""
     batch, frames = problem.views.valid.shape
@@ -172,6 +180,16 @@ _STEPS = 8
 _AT_ONCE = 16  # frames: bounds the memory of long videos
 
 
+def _wrist_starts() -> Float[Tensor, "H 3 3"]:
+    """Rotations of a hand against the body's: about the forearm, then at the wrist."""
+    angles = [(t, b) for t in _TWISTS_DEG for b in _BENDS_DEG]
+    radians = torch.deg2rad(torch.tensor(angles, dtype=torch.float64))
+    zero = torch.zeros_like(radians[:, 0])
+    twist = torch.stack([radians[:, 0], zero, zero], -1)  # forearms lie along x at rest
+    bend = torch.stack([zero, zero, radians[:, 1]], -1)
+    return exp(twist) @ exp(bend)
+
+
 def _initial_state(problem: HandProblem, stride_s: float) -> HandState:
     """A state near the keypoints for all frames of a problem."""
     frames = problem.views.valid.shape[1]
@@ -206,13 +224,7 @@ def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor
     """Every rotation in each of N frames by itself: R_wrist (B, N, H, 3, 3), angles (B, N, H, 21),
     offsets (B, N, H, V, 3) and objectives (B, N, H)."""
     few = problem.views.frames(frames)
-    # rotations against the body's: about the forearm, then at the wrist
-    angles = [(t, b) for t in _TWISTS_DEG for b in _BENDS_DEG]
-    radians = torch.deg2rad(torch.tensor(angles, dtype=torch.float64))
-    zero = torch.zeros_like(radians[:, 0])
-    twist = torch.stack([radians[:, 0], zero, zero], -1)  # forearms lie along x at rest
-    bend = torch.stack([zero, zero, radians[:, 1]], -1)
-    rotations = (exp(twist) @ exp(bend)).to(problem.fps)
+    rotations = _wrist_starts().to(problem.fps)
     alone = few.single_frames(len(rotations))
     shape = (*few.valid.shape, len(rotations))
     start = HandState(
@@ -316,8 +328,7 @@ def _common(
 
 def _solved(problem: HandProblem, state: HandState, params: HandWeights) -> HandState:
     state, _ = _solve_hands(problem, state, params.max_steps)
-    together = _OneSize(problem, params.size_spread)
-    return descend(together, state, max_steps=params.max_steps, tolerance=TOLERANCE).state
+    return _solve_hands_and_size(problem, state, params.max_steps, params.size_spread)
 
 
 def _by_video(

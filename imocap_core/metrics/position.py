@@ -72,12 +72,7 @@ def mpjpe_scaled_mm(
     The authors' released evaluation does this, so it is the one to compare with the paper's
     66.53 mm.
     """
-    predicted, true = _paired(predicted_m, true_m)
-    valid = np.asarray(np.isfinite(predicted + true).all(axis=-1))
-    squares = [np.where(valid[..., None], x, 0.0) ** 2 for x in (true, predicted)]
-    of_true, of_predicted = (square.sum(axis=(-1, -2)) for square in squares)
-    ratio = np.sqrt(of_true / np.where(of_predicted > 0, of_predicted, np.nan))
-    return mpjpe_mm(predicted * ratio[:, None, None], true_m)
+    return mpjpe_mm(_scaled_to_truth(predicted_m, true_m), true_m)
 
 
 def pa_mpjpe_mm(
@@ -86,6 +81,18 @@ def pa_mpjpe_mm(
     """MPJPE after a similarity Procrustes alignment of each frame (P-MPJPE)."""
     predicted, true = _paired(predicted_m, true_m)
     return mpjpe_mm(similarity(predicted, true).apply(predicted), true)
+
+
+def _scaled_to_truth(
+    predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
+) -> Float[np.ndarray, "T J 3"]:
+    """Each frame of the prediction times |true|_F / |predicted|_F, over the joints both have."""
+    predicted, true = _paired(predicted_m, true_m)
+    valid = np.asarray(np.isfinite(predicted + true).all(axis=-1))
+    squares = [np.where(valid[..., None], x, 0.0) ** 2 for x in (true, predicted)]
+    of_true, of_predicted = (square.sum(axis=(-1, -2)) for square in squares)
+    ratio = np.sqrt(of_true / np.where(of_predicted > 0, of_predicted, np.nan))
+    return predicted * ratio[:, None, None]
 
 
 def joint_errors_mm(

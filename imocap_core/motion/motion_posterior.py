@@ -50,6 +50,7 @@ from imocap_core.motion.multiview.per_video import (
     targets_of,
 )
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene, consensus_motion
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.posterior_noise import (
     Noise,
     VectorCovariance,
@@ -273,13 +274,7 @@ def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> Co
         *evidence.estimates,  # counted once per correlation time by their own weights
         *regularisers(scene.body, scene.prior, scene.fit, scene.fps),
     ]
-    normal = linearise(terms, state)
-    diagonal, border = normal.diagonal[0], normal.border[0]
-    given_globals, response = torch.empty_like(diagonal), torch.empty_like(border)
-    pieces = selected_inverse(diagonal, normal.next1[0], normal.next2[0], lambda t: border[t])
-    for piece in pieces:
-        given_globals[piece.frames], response[piece.frames] = piece.diagonal, piece.solution
-    schur = normal.corner[0] - torch.einsum("tni,tnj->ij", border, response)
+    given_globals, response, schur = _inverse(linearise(terms, state))
     return CommonPosterior(
         replace(evidence, motion=state),
         free,
@@ -289,6 +284,18 @@ def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> Co
         response,
         torch.linalg.inv(schur),
     )
+
+
+def _inverse(normal: NormalEquations) -> tuple[Tensor, Tensor, Tensor]:
+    """(N, 75, 75) inverse if the globals were known, (N, 75, m) solution for the border, and
+    (m, m) information about the globals."""
+    diagonal, border = normal.diagonal[0], normal.border[0]
+    given_globals, response = torch.empty_like(diagonal), torch.empty_like(border)
+    pieces = selected_inverse(diagonal, normal.next1[0], normal.next2[0], lambda t: border[t])
+    for piece in pieces:
+        given_globals[piece.frames], response[piece.frames] = piece.diagonal, piece.solution
+    schur = normal.corner[0] - torch.einsum("tni,tnj->ij", border, response)
+    return given_globals, response, schur
 
 
 POSTERIOR_MEMORY = 2  # of a motion, in memory of its normal equations: their factors, too

@@ -182,6 +182,17 @@ def camera_like(posterior: CommonPosterior) -> ExtraCamera:
     )
 
 
+def camera_for_single(motion: MotionState, view: View, options: MotionParams) -> ExtraCamera:
+    """A second camera for a video by itself, its rigid offset as large as any start."""
+    weight = view.weight[view.weight > 0]
+    return ExtraCamera(
+        float(motion.trans[0, :, 2].median()),
+        float(view.K[0, 0, 0]),
+        float(weight.median()) if len(weight) else 0.0,
+        initial_offset_sd(1, options)[0],
+    )
+
+
 ACROSS_DEG = 30.0  # a video this far off a line of sight determines depth along it
 LEAST_SPAN_S = 0.2  # shorter ones are not reported
 GAP_S = 0.2  # spans of one joint closer than this are one
@@ -237,11 +248,7 @@ def viewpoint_report(
     """The viewpoints of a result and its posterior; evidence_share: see `Noise`."""
     cameras = result.cameras
     directions = view_directions(scene, result)
-    # mean over the frames that are matched; NaN for a video without any
-    matched = np.isfinite(directions).all(-1, keepdims=True)
-    count = matched.sum(1)
-    total = np.where(matched, directions, 0.0).sum(1)
-    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    mean = _mean(directions)
     ground = performer_axes(
         scene.body, posterior.motion, cameras.R.cpu().numpy(), mean[scene.reference]
     )
@@ -249,14 +256,7 @@ def viewpoint_report(
     pairs = near_pairs(angles, near_limit_deg)
     if posterior.common is None:
         view = per_video_view(scene.observations, result.state.trans)
-        # a second camera, its rigid offset as large as any start
-        weight = view.weight[view.weight > 0]
-        camera = ExtraCamera(
-            float(result.state.trans[0, :, 2].median()),
-            float(view.K[0, 0, 0]),
-            float(weight.median()) if len(weight) else 0.0,
-            initial_offset_sd(1, options)[0],
-        )
+        camera = camera_for_single(result.state, view, options)
     else:
         camera = camera_like(posterior.common)
     gain = reductions(
@@ -291,6 +291,14 @@ def view_directions(scene: Scene, result: JointMotion) -> Float[np.ndarray, "M N
     world = torch.einsum("mji,mnj->mni", result.cameras.R, ray)
     unmatched = (aligned.weight <= 0)[..., None]
     return torch.where(unmatched, torch.nan, world).cpu().numpy()
+
+
+def _mean(directions: np.ndarray) -> np.ndarray:
+    """(M, 3) over the frames that are matched; NaN for a video without any."""
+    matched = np.isfinite(directions).all(-1, keepdims=True)
+    count = matched.sum(1)
+    total = np.where(matched, directions, 0.0).sum(1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def angles_deg(directions: Float[np.ndarray, "M N 3"]) -> Float[np.ndarray, "M M"]:

@@ -142,8 +142,7 @@ def swapped_frames(
         pairs: columns (left, right) of the limb.
     """
     sides = xy_px[:, np.array(pairs)]  # (T, P, 2 sides, 2)
-    costs = _step_costs(sides, size_px)[1:] + _change_costs(len(pairs))
-    states = viterbi(np.array([0.0, np.inf]), costs).astype(bool)
+    states = _states(_step_costs(sides, size_px), len(pairs))
     longest, near = round(LONGEST_S * fps), max(0, round(NEAR_S * fps) - 1)
     for first, last in runs(states, gap=near):
         lasts = any(b - a >= longest for a, b in runs(states[first : last + 1]))
@@ -177,9 +176,7 @@ def _step_costs(
     Distances in units of the person's size, at most `CAP` each, summed over the joints; a joint
     missing in the frame before is compared with its last detected position.
     """
-    filled = sides.copy()
-    for t in range(1, len(filled)):
-        filled[t] = np.where(np.isfinite(filled[t]), filled[t], filled[t - 1])
+    filled = _forward_filled(sides)
     cost = np.zeros((len(sides), 2, 2))
     for now in (0, 1):
         current = sides[1:] if now == 0 else sides[1:, :, ::-1]
@@ -188,6 +185,20 @@ def _step_costs(
             distance = np.linalg.norm(current - last, axis=-1) / size_px[1:, None, None]
             cost[1:, before, now] = np.nan_to_num(np.minimum(distance, CAP)).sum((1, 2))
     return cost
+
+
+def _forward_filled(sides: Float[np.ndarray, "T P 2 2"]) -> Float[np.ndarray, "T P 2 2"]:
+    """The last detected position of every joint, in the sides as reported."""
+    filled = sides.copy()
+    for t in range(1, len(filled)):
+        filled[t] = np.where(np.isfinite(filled[t]), filled[t], filled[t - 1])
+    return filled
+
+
+def _states(steps: Float[np.ndarray, "T 2 2"], pairs: int) -> Bool[np.ndarray, " T"]:
+    """Which frames are swapped in the cheapest sequence; it begins as reported."""
+    costs = steps[1:] + _change_costs(pairs)
+    return viterbi(np.array([0.0, np.inf]), costs).astype(bool)
 
 
 def _change_costs(pairs: int) -> Float[np.ndarray, "2 2"]:

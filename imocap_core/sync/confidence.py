@@ -200,19 +200,11 @@ def confidence_features(
     mass = logit(np.clip(route.mass, 0.01, 0.99))
     novelty = -np.expm1(-distances.change[route.v] / distances.matched_square)
     slowness = np.maximum(0.0, -np.log(rate + LEAST_RATE))
-    # frames from the match to the pairwise maps, direct and through others; the reach where there
-    # is none
-    v, r = route.v, route.reference
-    routes = [pairs.positions[v, r], *pairs.through(v, r)]
-    away = np.abs(np.stack(routes) - filled)
-    out = np.full(len(filled), route.reach_frames)
-    some = np.isfinite(away).any(axis=0)
-    out[some] = np.nanmedian(away[:, some], axis=0)
     return np.column_stack(
         [
             np.ones(T),
             mass,
-            np.log1p(out / route.reach_frames),
+            np.log1p(_disagreement(route, filled, pairs) / route.reach_frames),
             np.full(T, mass[matched].mean() if matched.any() else 0.0),
             np.log(0.05 + uniform_filter1d(here, window, mode="nearest")),
             ambiguity,
@@ -258,3 +250,15 @@ def _ambiguity(squares: np.ndarray, reach_frames: float) -> np.ndarray:
     near = np.where(compared | ~np.isfinite(least), np.exp(-0.5 * np.maximum(farther, 0.0)), 0.0)
     near = near.sum(axis=1)
     return np.asarray(np.log(near / (2.0 * reach_frames)))
+
+
+def _disagreement(route: Route, positions: np.ndarray, pairs: PairMaps) -> np.ndarray:
+    """Median distance (T,), frames of the reference, of the pairwise maps, direct and through each
+    other video, from the match; that of the reach where no map leads there."""
+    v, r = route.v, route.reference
+    routes = [pairs.positions[v, r], *pairs.through(v, r)]
+    away = np.abs(np.stack(routes) - positions)
+    out = np.full(len(positions), route.reach_frames)
+    some = np.isfinite(away).any(axis=0)
+    out[some] = np.nanmedian(away[:, some], axis=0)
+    return out

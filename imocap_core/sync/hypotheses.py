@@ -273,11 +273,7 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
     """The joint choice of least energy, and the choices that are no worse by `TIE`."""
     if len(videos) < 2 or all(len(v.hypotheses) == 1 for v in videos):
         return JointChoice((0,) * len(videos), [() for _ in videos])
-    # all at one frame rate, so that a step of one video is about a step of every other
-    thin = [
-        replace(v, hypotheses=_every(v.hypotheses, n), fps=v.fps / n)
-        for v, n in zip(videos, strides(videos), strict=True)
-    ]
+    thin = thinned_candidates(videos)
     share = 1.0 / (len(videos) - 1)
     edges = list(combinations(range(len(videos)), 2))
     costs = thread_map(lambda e: pair_costs(thin[e[0]].hypotheses, thin[e[1]].hypotheses), edges)
@@ -288,6 +284,14 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
         for v, label in enumerate(best.labels)
     ]
     return JointChoice(best.labels, rivals)
+
+
+def thinned_candidates(videos: Sequence[CandidateMotions]) -> list[CandidateMotions]:
+    """The same at one frame rate, so that a step of one video is about a step of every other."""
+    return [
+        replace(v, hypotheses=_every(v.hypotheses, n), fps=v.fps / n)
+        for v, n in zip(videos, strides(videos), strict=True)
+    ]
 
 
 def strides(videos: Sequence[CandidateMotions]) -> list[int]:

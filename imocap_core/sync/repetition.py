@@ -225,26 +225,15 @@ def find_repetitions(poses: Float[np.ndarray, "T J 3"], fps: float) -> Repetitio
     """
     _check(poses, fps)
     whole = ((0, len(poses)),)
-    # a missing joint is interpolated from neighbouring frames, and stays NaN where none is near
-    sigma = SMOOTH_S * fps
-    visible = np.isfinite(poses).all(axis=-1, keepdims=True).astype(float)
-    total = gaussian_filter1d(np.where(visible > 0, poses, 0.0), sigma, axis=0, mode="nearest")
-    share = gaussian_filter1d(visible, sigma, axis=0, mode="nearest")
-    smooth = np.where(share > 1e-3, total / np.maximum(share, 1e-3), np.nan)
+    smooth = _smoothed(poses, SMOOTH_S * fps)
     speed = _speeds(smooth, fps)
     typical = float(np.sqrt(np.mean(speed**2)))
     samples = _evenly_in_motion(speed / typical, fps) if typical > 0 else np.array([0])
     shortest = max(2, round(_SHORTEST_S * SAMPLES_PER_S))
     if len(samples) < 2 * shortest:
         return Repetitions(whole, 0.0, "no repetitions: the clip is too short, or nothing moves")
-    # 1 for pairs as close as a pose's nearest one elsewhere, 0 at the match level, never below -1
-    squares = _squares(smooth[samples])
-    N = len(squares)
-    elsewhere = np.abs(np.arange(N)[:, None] - np.arange(N)) >= shortest
-    near = float(np.median(np.where(elsewhere, squares, np.inf).min(axis=1)))
-    reach = _MATCH_LEVEL * max(float(squares[elsewhere].mean()) - near, 0.0) + 1e-12
     template = best_template(
-        np.clip(1.0 - (squares - near) / reach, -1.0, 1.0),
+        _similarity(_squares(smooth[samples]), shortest, _MATCH_LEVEL),
         shortest=shortest,
         longest=max(shortest, round(0.6 * len(samples))),
         stride=-(-len(samples) // MAX_STARTS),
@@ -272,6 +261,15 @@ def _check(poses: np.ndarray, fps: float) -> None:
         faults.append(f"fps: expected > 0, got {fps}")
     if faults:
         raise ValueError("; ".join(faults))
+
+
+def _smoothed(poses: np.ndarray, sigma: float) -> np.ndarray:
+    """Poses smoothed over time (sigma in frames); a missing joint is interpolated from neighbouring
+    frames, and stays NaN where none is near."""
+    visible = np.isfinite(poses).all(axis=-1, keepdims=True).astype(float)
+    total = gaussian_filter1d(np.where(visible > 0, poses, 0.0), sigma, axis=0, mode="nearest")
+    share = gaussian_filter1d(visible, sigma, axis=0, mode="nearest")
+    return np.where(share > 1e-3, total / np.maximum(share, 1e-3), np.nan)
 
 
 def _speeds(poses: np.ndarray, fps: float) -> np.ndarray:
@@ -308,6 +306,16 @@ def _squares(poses: np.ndarray) -> np.ndarray:
     weights = np.isfinite(poses).all(axis=-1).astype(float)
     square = procrustes_distances(poses, poses, weights, weights) ** 2
     return np.where(np.isfinite(square), square, np.nanmean(square))
+
+
+def _similarity(squares: np.ndarray, apart: int, match_level: float) -> np.ndarray:
+    """1 for pairs as close as a pose's nearest one elsewhere (at least `apart` samples away), 0 at
+    the match level, never below -1."""
+    N = len(squares)
+    elsewhere = np.abs(np.arange(N)[:, None] - np.arange(N)) >= apart
+    near = float(np.median(np.where(elsewhere, squares, np.inf).min(axis=1)))
+    reach = match_level * max(float(squares[elsewhere].mean()) - near, 0.0) + 1e-12
+    return np.clip(1.0 - (squares - near) / reach, -1.0, 1.0)
 
 
 def _trimmed(first: int, stop: int, motion: np.ndarray) -> Span:

@@ -322,14 +322,7 @@ def perform(
     """
     phase = pace(span, rng)
     rotations, hips, varied = _vary(keys, rng)
-    horizontal = np.array([1.0, 0.0, 1.0])  # places move on the floor only
-    drift = rng.normal(0.0, _DRIFT_SPREAD_M, 3) * horizontal
-    places = {
-        place: centre
-        + rng.normal(0.0, _PLACE_SPREAD_M, 3) * horizontal
-        + (drift if place[1] == "return" else 0.0)
-        for place, centre in contact_places(joints_rest, sole_height).items()
-    }
+    places = _vary_places(contact_places(joints_rest, sole_height), rng)
     time_s = phase / PHASE_PER_S
     key_times = np.array([key.time_s for key in varied])
     targets_at_keys = contact_targets(varied, places, joints_rest, key_times)
@@ -344,11 +337,7 @@ def perform(
     targets = contact_targets(varied, places, joints_rest, time_s)
     R_local, pelvis = solve_contacts(forward, guess, hips_guess, targets)
     sigma = _SMOOTH_S * span.fps
-    # smoothed over time through their logarithms
-    small = np.swapaxes(guess, -1, -2) @ R_local
-    vectors = Rotation.from_matrix(small.reshape(-1, 3, 3)).as_rotvec().reshape(len(small), -1)
-    smooth = gaussian_filter1d(vectors, sigma, axis=0, mode="nearest")
-    R_local = guess @ Rotation.from_rotvec(smooth.reshape(-1, 3)).as_matrix().reshape(small.shape)
+    R_local = guess @ _smooth_rotations(np.swapaxes(guess, -1, -2) @ R_local, sigma)
     pelvis = hips_guess + gaussian_filter1d(pelvis - hips_guess, sigma, axis=0, mode="nearest")
     R_local = R_local.copy()
     R_local[:, 0] = R_WORLD_FROM_CHOREOGRAPHY @ R_local[:, 0]
@@ -400,3 +389,25 @@ def _name_returns(keys: Sequence[Key]) -> list[Key]:
             key = replace(key, **{side: leg})
         named.append(key)
     return named
+
+
+def _vary_places(
+    places: dict[ContactPlace, Float[np.ndarray, "3"]], rng: np.random.Generator
+) -> dict[ContactPlace, Float[np.ndarray, "3"]]:
+    horizontal = np.array([1.0, 0.0, 1.0])  # places move on the floor only
+    drift = rng.normal(0.0, _DRIFT_SPREAD_M, 3) * horizontal
+    return {
+        place: centre
+        + rng.normal(0.0, _PLACE_SPREAD_M, 3) * horizontal
+        + (drift if place[1] == "return" else 0.0)
+        for place, centre in places.items()
+    }
+
+
+def _smooth_rotations(
+    small: Float[np.ndarray, "T J 3 3"], sigma_frames: float
+) -> Float[np.ndarray, "T J 3 3"]:
+    """Gaussian smoothing over time of small rotations, through their logarithms."""
+    vectors = Rotation.from_matrix(small.reshape(-1, 3, 3)).as_rotvec().reshape(len(small), -1)
+    smooth = gaussian_filter1d(vectors, sigma_frames, axis=0, mode="nearest")
+    return Rotation.from_rotvec(smooth.reshape(-1, 3)).as_matrix().reshape(small.shape)

@@ -138,14 +138,7 @@ def detect(
     confidence = simulated_confidence(
         np.linalg.norm(offset, axis=-1) / (height_px[:, None] * errors.noise), rng
     )
-    pairs = left_right_pairs(names)
-    swapped = with_offsets(xy_px, names, errors.by_kind)
-    for parts in (_ARM, _LEG, _FACE):
-        limb = [pair for pair in pairs if names[pair[0]].removeprefix("left_") in parts]
-        swapped = _swapped(swapped, limb, errors.swap_rate, errors.swap_frames, rng)
-    if errors.full_swap_rate > 0:
-        swapped = _swapped(swapped, pairs, errors.full_swap_rate, errors.swap_frames, rng)
-    xy = swapped + offset
+    xy = _swap_limbs(with_offsets(xy_px, names, errors.by_kind), names, errors, rng) + offset
     if errors.constant_offset > 0:
         xy = xy + scale * difficulty * rng.normal(0.0, errors.constant_offset, (1, shape[1], 2))
     missed = rng.random(shape) < errors.miss_rate
@@ -196,6 +189,23 @@ def simulated_confidence(
     """Confidence that falls with the error; a fifth of it is random."""
     informed = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
     return np.clip(0.8 * informed + 0.2 * rng.beta(5, 2, error_in_sigma.shape), 0.05, 0.99)
+
+
+def _swap_limbs(
+    xy_px: Float[np.ndarray, "T K 2"],
+    names: Sequence[str],
+    errors: DetectorErrors,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "T K 2"]:
+    """Left and right of arms, legs, face or the whole body swapped for short times."""
+    pairs = left_right_pairs(names)
+    swapped = xy_px
+    for parts in (_ARM, _LEG, _FACE):
+        limb = [pair for pair in pairs if names[pair[0]].removeprefix("left_") in parts]
+        swapped = _swapped(swapped, limb, errors.swap_rate, errors.swap_frames, rng)
+    if errors.full_swap_rate > 0:
+        swapped = _swapped(swapped, pairs, errors.full_swap_rate, errors.swap_frames, rng)
+    return swapped
 
 
 def _swapped(

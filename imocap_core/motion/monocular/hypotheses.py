@@ -82,14 +82,7 @@ def alternatives(
         names = [name for u, name, _ in reversals if u == v]
         rows = zip(reversed_fits.rows(v), names, strict=True)
         rest += [_hypothesis(reversed_fits, row, name, thin[v]) for row, name in rows]
-        chosen: list[MotionHypothesis] = []
-        poses: list[Tensor] = []
-        for hypothesis in [best[v], *sorted(rest, key=lambda h: h.cost)]:
-            pose = _about_root(body, hypothesis.motion)
-            if all(float((pose - p).norm(dim=-1).mean()) > DISTINCT_M for p in poses):
-                chosen.append(hypothesis)
-                poses.append(pose)
-        distinct = chosen[1 : count + 1]
+        distinct = _distinct(body, [best[v], *sorted(rest, key=lambda h: h.cost)])[1 : count + 1]
         out[v] = [_dense(h, best[v], observations[v], coarse.stride) for h in distinct]
     return out
 
@@ -172,6 +165,18 @@ def _hypothesis(
 ) -> MotionHypothesis:
     frames = len(observation.xy_px)
     return MotionHypothesis(fits.state.of_motion(row, frames), fits.costs[row] / frames, name)
+
+
+def _distinct(body: Body, ordered: Sequence[MotionHypothesis]) -> list[MotionHypothesis]:
+    """Those that lie further than `DISTINCT_M` from all before them."""
+    chosen: list[MotionHypothesis] = []
+    poses: list[Tensor] = []
+    for hypothesis in ordered:
+        pose = _about_root(body, hypothesis.motion)
+        if all(float((pose - p).norm(dim=-1).mean()) > DISTINCT_M for p in poses):
+            chosen.append(hypothesis)
+            poses.append(pose)
+    return chosen
 
 
 def _about_root(body: Body, motion: MotionState) -> Float[Tensor, "T 24 3"]:

@@ -453,9 +453,14 @@ def _by_camera(
     """
     parts = []
     if view.camera is not None:
-        lever = torch.einsum("bij,btkj->btki", view.R, xyz - state.pivot()[:, None, None])
-        eye = torch.eye(3, dtype=xyz.dtype, device=xyz.device).expand(*lever.shape[:-1], 3, 3)
-        parts.append(by_axes @ torch.cat([-hat(lever), eye], -1))
+        parts.append(by_axes @ _by_rotation_and_translation(view, state, xyz))
     if view.focal is not None:
         parts.append(off_centre[..., None])
     return parts
+
+
+def _by_rotation_and_translation(view: View, state: MotionState, xyz: Tensor) -> Tensor:
+    """(B, T, K, 3, 6) derivative of camera-frame points by a camera's increments."""
+    lever = torch.einsum("bij,btkj->btki", view.R, xyz - state.pivot()[:, None, None])
+    eye = torch.eye(3, dtype=xyz.dtype, device=xyz.device).expand(*lever.shape[:-1], 3, 3)
+    return torch.cat([-hat(lever), eye], -1)

@@ -239,12 +239,7 @@ def _explained(
     signs = likely_signs(among, pinned[left])
     explained = explanations(members, twins, among, signs)
     for _ in range(SIGN_ROUNDS):
-        # signs are swapped where a video fits clearly better so, -1 only where that is clear
-        as_given = np.where(
-            pinned[left], 1, np.where(explained.reflected >= CLEAR_REFLECTION, -signs, signs)
-        )
-        kept_mirrored = (signs > 0) | (explained.reflected <= -CLEAR_REFLECTION)
-        better = np.where(kept_mirrored, as_given, 1)
+        better = _clear_signs(signs, explained.reflected, pinned[left])
         if (better == signs).all():
             break
         signs = better
@@ -254,6 +249,15 @@ def _explained(
         signs = np.ones_like(signs)
         explained = explanations(members, twins, among, signs)
     return _Members(list(left), signs, explained)
+
+
+def _clear_signs(
+    signs: Int[np.ndarray, " L"], reflected: Float[np.ndarray, " L"], pinned: Bool[np.ndarray, " L"]
+) -> Int[np.ndarray, " L"]:
+    """The signs, swapped where a video fits clearly better so, -1 only where that is clear."""
+    as_given = np.where(pinned, 1, np.where(reflected >= CLEAR_REFLECTION, -signs, signs))
+    kept_mirrored = (signs > 0) | (reflected <= -CLEAR_REFLECTION)
+    return np.where(kept_mirrored, as_given, 1)
 
 
 def _is_decidable(explained: Explanations) -> bool:

@@ -165,6 +165,22 @@ def _soft_map(
 OFFSETS_S = (-0.4, -0.2, 0.0, 0.2, 0.4)
 
 
+def motion_windows(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    weights: Sequence[Float[np.ndarray, "_T J"]],
+    fps: Sequence[float],
+) -> tuple[list[Float[np.ndarray, "_T 5*J 3"]], list[Float[np.ndarray, "_T 5*J"]]]:
+    """Each frame with its neighbours as one pose of 5 J points, every pose about its centroid, and
+    their weights; before the first frame and after the last one these are repeated."""
+    windows, window_weights = [], []
+    for x, w, f in zip(poses, weights, fps, strict=True):
+        about = centred(x, w)
+        rows = [np.clip(np.arange(len(x)) + round(s * f), 0, len(x) - 1) for s in OFFSETS_S]
+        windows.append(np.concatenate([about[k] for k in rows], axis=1))
+        window_weights.append(np.concatenate([w[k] for k in rows], axis=1))
+    return windows, window_weights
+
+
 def begun(share: float) -> Callable[[np.ndarray], np.ndarray]:
     """Squares (N, S) with the second video begun at another moment, its beginning last."""
     return lambda square: np.roll(square, round(share * square.shape[1]), axis=1)
@@ -266,15 +282,7 @@ class WeightedPoses:
 
     def in_motion(self, fps: Sequence[float]) -> WeightedPoses:
         """The same as windows of motion."""
-        # each frame with its neighbours as one pose of 5 J points; beyond the ends these are
-        # repeated
-        windows, window_weights = [], []
-        for x, w, f in zip(self.poses, self.weights, fps, strict=True):
-            about = centred(x, w)
-            rows = [np.clip(np.arange(len(x)) + round(s * f), 0, len(x) - 1) for s in OFFSETS_S]
-            windows.append(np.concatenate([about[k] for k in rows], axis=1))
-            window_weights.append(np.concatenate([w[k] for k in rows], axis=1))
-        return WeightedPoses(windows, window_weights)
+        return WeightedPoses(*motion_windows(self.poses, self.weights, fps))
 
     def squares_to(self, other: WeightedPoses) -> PairArrays:
         """`squares_between` these poses and others."""
@@ -339,6 +347,20 @@ def _least(expected: Sequence[PairArrays], share: float = 1.0) -> np.ndarray:
     return np.asarray(np.min([0.5 * (r + r.T) for r in residuals], axis=0))
 
 
+def outliers_among(
+    videos: WeightedPoses, fps: Sequence[float], max_rate: float, never: Bool[np.ndarray, " M"]
+) -> tuple[list[int], Float[np.ndarray, " M"]]:
+    """The videos of another action and all scores; `never`: videos that are none."""
+    squares = videos.squares_to(videos)
+    maps = soft_maps(squares, fps, typical_squares(squares), max_rate)
+    residuals = warp_residuals(expected_by(maps, squares), len(fps), share=FITTING_SHARE)
+    moving = videos.in_motion(fps)
+    motion = moving.squares_to(moving)
+    gains = order_gains(motion, fps, typical_squares(motion), max_rate)
+    persistent = persistent_differences(videos.poses, videos.weights, maps, fps, FITTING_SHARE)
+    return find_outliers(residuals, gains, persistent, never)
+
+
 def decide_by_poses(
     plain: WeightedPoses,
     reflected: WeightedPoses,
@@ -363,16 +385,7 @@ def decide_by_poses(
         mirrored, margin = mirrored_among(plain, reflected, rates, max_rate, pinned)
     if look_outliers:
         upright, _ = plain.swapped(mirrored, reflected)
-        squares = upright.squares_to(upright)
-        maps = soft_maps(squares, rates, typical_squares(squares), max_rate)
-        residuals = warp_residuals(expected_by(maps, squares), len(rates), share=FITTING_SHARE)
-        moving = upright.in_motion(rates)
-        motion = moving.squares_to(moving)
-        gains = order_gains(motion, rates, typical_squares(motion), max_rate)
-        persistent = persistent_differences(
-            upright.poses, upright.weights, maps, rates, FITTING_SHARE
-        )
-        outliers, score = find_outliers(residuals, gains, persistent, never_outliers)
+        outliers, score = outliers_among(upright, rates, max_rate, never_outliers)
         # another action has no mirror image here
         mirrored = [v for v in mirrored if v not in outliers]
     return Decisions(

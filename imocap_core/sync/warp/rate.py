@@ -263,7 +263,7 @@ def log_playback_rates(
     each is compared with a few."""
     M = len(poses)
     among = range(M) if M <= 2 * _MOST_COMPARED else _thinned_to(M, _MOST_COMPARED)
-    coarse = [_thinned_to(len(x), COARSE_FRAMES) for x in poses]
+    coarse = [_thinned(len(x)) for x in poses]
     log_rates, precision = np.zeros((M, M)), np.zeros((M, M))
     for i in range(M):
         for j in range(i + 1, M):
@@ -282,6 +282,11 @@ def log_playback_rates(
             disagreement = 0.25 * (forward[0] + backward[0]) ** 2
             precision[i, j] = 1.0 / (0.5 * (forward[1] + backward[1]) + disagreement + 1e-3)
     return _per_video(log_rates, precision)
+
+
+def _thinned(frames: int) -> np.ndarray:
+    """At most COARSE_FRAMES evenly spaced frames."""
+    return _thinned_to(frames, COARSE_FRAMES)
 
 
 def _thinned_to(count: int, most: int) -> np.ndarray:

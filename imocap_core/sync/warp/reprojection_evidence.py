@@ -164,16 +164,21 @@ def weights_and_precision(
         hessian += np.diag(spread**-2.0)
         gradient = np.einsum("tkac,tka,tk->tc", rows, residual, weight, optimize=True)
         offsets = np.linalg.solve(hessian, gradient[..., None])[..., 0]
-        # expectation maximisation of two spreads: of rotations and of translations
-        square = (offsets**2 + np.diagonal(np.linalg.inv(hessian), axis1=1, axis2=2)).mean(0)
-        both = np.repeat([square[:3].mean(), square[3:].mean()], 3)
-        spread = np.asarray(np.maximum(np.sqrt(both), least))
+        spread = _spread(offsets, np.linalg.inv(hessian), least)
     return weight, spread**-2.0
 
 
 def _rotation_and_translation(rotation_rad: float, translation_m: float) -> np.ndarray:
     """(6,) one value for the three rotations, one for the three translations."""
     return np.array([rotation_rad] * 3 + [translation_m] * 3)
+
+
+def _spread(offsets: np.ndarray, covariance: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """(6,) standard deviations of rigid offsets, one for rotations and one for translations
+    (expectation maximisation)."""
+    square = (offsets**2 + np.diagonal(covariance, axis1=1, axis2=2)).mean(0)
+    both = np.repeat([square[:3].mean(), square[3:].mean()], 3)
+    return np.asarray(np.maximum(np.sqrt(both), least))
 
 
 def _skew(x: np.ndarray) -> np.ndarray:

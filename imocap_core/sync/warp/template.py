@@ -149,14 +149,19 @@ def median_positions(
     banded = _as_banded(soft_map)
     position = np.zeros(banded.shape[0])
     for rows, columns, values in banded:
-        cumulative = np.cumsum(values, axis=1, dtype=float)
-        cumulative /= np.maximum(values.sum(axis=1, keepdims=True, dtype=float), 1e-300)
-        bin_ = (cumulative >= 0.5).argmax(axis=1)[:, None]
-        upper = np.take_along_axis(cumulative, bin_, 1)
-        lower = np.where(bin_ > 0, np.take_along_axis(cumulative, np.maximum(bin_ - 1, 0), 1), 0.0)
-        inside = (0.5 - lower) / np.maximum(upper - lower, 1e-12)
-        position[rows] = columns.start + np.asarray(bin_[:, 0] - 0.5 + inside[:, 0])
+        position[rows] = columns.start + _medians(values)
     return np.asarray(np.clip(position, 0.0, banded.shape[1] - 1.0) / per_frame)
+
+
+def _medians(soft_map: np.ndarray) -> np.ndarray:
+    """Median column (N,) of each row."""
+    cumulative = np.cumsum(soft_map, axis=1, dtype=float)
+    cumulative /= np.maximum(soft_map.sum(axis=1, keepdims=True, dtype=float), 1e-300)
+    bin_ = (cumulative >= 0.5).argmax(axis=1)[:, None]
+    upper = np.take_along_axis(cumulative, bin_, 1)
+    lower = np.where(bin_ > 0, np.take_along_axis(cumulative, np.maximum(bin_ - 1, 0), 1), 0.0)
+    inside = (0.5 - lower) / np.maximum(upper - lower, 1e-12)
+    return np.asarray(bin_[:, 0] - 0.5 + inside[:, 0])
 
 
 def isotonic(
@@ -225,14 +230,7 @@ class NearbySquares:
         (N, S), least, values = shape, np.empty(shape[0]), []
         every = -(-N * S // ALL_COMPARED)
         rows_at_once = max(1, ENTRIES_AT_ONCE // max(1, S // every))
-        # successive bands, of so many frames together or of one band
-        groups: list[list[Band]] = []
-        for band in bands:
-            if groups and band[0].stop - groups[-1][0][0].start <= rows_at_once:
-                groups[-1].append(band)
-            else:
-                groups.append([band])
-        for group in groups:
+        for group in _grouped(bands, rows_at_once):
             rows = slice(group[0][0].start, group[-1][0].stop)
             far = squares(rows, slice(0, S, every))
             least[rows] = least_of_rows(far)
@@ -262,6 +260,17 @@ def least_of_rows(squares: Float[np.ndarray, "N S"]) -> Float[np.ndarray, " N"]:
     """The smallest known one of each row; NaN where none is."""
     least = np.fmin.reduce(squares, axis=1)
     return np.asarray(least)
+
+
+def _grouped(bands: Sequence[Band], rows: int) -> list[list[Band]]:
+    """Successive bands, of so many frames together or of one band."""
+    groups: list[list[Band]] = []
+    for band in bands:
+        if groups and band[0].stop - groups[-1][0][0].start <= rows:
+            groups[-1].append(band)
+        else:
+            groups.append([band])
+    return groups
 
 
 FRAMES, TEMPLATES = 32, 256  # of a block
