@@ -18,6 +18,7 @@ from imocap_core.motion.multiview.per_video import (
     facing_agreement,
     fit_deviations,
     foot_contact_term,
+    frames_lost,
     pooled_spread_m,
     position_coupling,
     targets_of,
@@ -85,6 +86,17 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
     back, _ = fit_deviations(all_, astray, *given, restart=False)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
+
+
+def test_frames_that_a_fit_turned_away_from_the_keypoints_are_lost(made: Made) -> None:
+    all_, state = whole(made), in_own_axes(made)
+    R_local = state.R_local.clone()
+    half = torch.diag(torch.tensor([-1.0, -1.0, 1.0])).to(R_local)  # head down
+    R_local[1, :8, 0] = half @ R_local[1, :8, 0]
+    lost = frames_lost(all_, replace(state, R_local=R_local), state)
+    assert lost[1, :5].all()
+    assert not lost[1, 12:].any()
+    assert not lost[[0, 2]].any()
 
 
 def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:

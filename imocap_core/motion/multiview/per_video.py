@@ -288,6 +288,7 @@ def _smoothed(values: Float[Tensor, "B T"], frames: int) -> Float[Tensor, "B T"]
 COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
 # Of the weight that rotations would have alone: the positions couple the same deviations.
 ROTATIONS_SHARE = 0.5
+LOST_SHARE = 0.2  # of the keypoints' spread that a fit explained before and does not any more
 STEP_RAD_S, LEAP_RAD_S = 8.0, 25.0  # by which a joint's speed may differ, and that none reaches
 CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
 
@@ -318,13 +319,24 @@ def fit_deviations(
     carried = _facing_released(at_video_frames(scene, state, common, targets), state, faces)
     start = carried
     if not restart:
-        astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
+        astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5) & (targets.trust > 0)
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
     terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
     terms.append(step_coupling(state, scene.fps))
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
+    lost = frames_lost(scene, solution.state, state)
+    if lost.any():
+        start = _replaced(solution.state, state, lost)
+        solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
+
+
+def frames_lost(scene: Scene, state: MotionState, before: MotionState) -> Bool[Tensor, "B T"]:
+    """Where a fit turned a body away from keypoints that the motion before it explains."""
+    view = per_video_view(scene.observations, state.trans)
+    after, then = (_unexplained(scene, view, motion) for motion in (state, before))
+    return _smoothed(after - then, FACING_FRAMES) > LOST_SHARE
 
 
 def deviation_terms(
@@ -409,6 +421,7 @@ def at_video_frames(
     edge = nearest_true(matched)
     row = torch.arange(len(matched), device=edge.device)[:, None]
     turn = targets.R_local[row, edge] @ state.R_local[row, edge].mT
+    turn[:, :, 0] = torch.where(matched[..., None, None], turn[:, :, 0], torch.eye(3).to(turn))
     step = place[row, edge] - state.trans[row, edge]
     joined = matched.any(dim=1)[:, None, None]
     return replace(
