@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -133,7 +132,6 @@ SWAPPED = 0.1  # of a frame, in logarithms of the residual
 FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
 LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
 CHANGE = np.array([0.0, 1.0, 0.5, 1.0])  # to or from each state: legs are swapped most often
-JUMP = 10.0  # of a track by a radius of the body: sides are exchanged where it jumps or legs meet
 HEAD, HANDS = ("nose", "eye", "ear", "mouth", "head"), ("thumb", "index", "pinky", "finger")
 
 
@@ -196,40 +194,14 @@ def swapped_states(
     """
     costs = np.full((len(pose), STATES), np.inf)
     weight = weight * point_shares(names)
-    tracks = {
-        s: [with_swapped_sides(q, before ^ s, names) for q in (xy_px, weight)] for s in possible
-    }
-    for state, (x, w) in tracks.items():
+    for state in possible:
+        x, w = (with_swapped_sides(q, before ^ state, names) for q in (xy_px, weight))
         residual = frame_residuals(pose, x, w, R[None])[0]
         costs[:, state] = np.log(residual + FLOOR) + SWAPPED * (state > 0)
     costs *= min(1.0, RATE_PER_S / fps)
     change = np.maximum(CHANGE[:, None], CHANGE) * (1.0 - np.eye(STATES))
     steps = change + costs[1:, None]
-    radius = _radius_px(xy_px, weight)
-    for (a, (x, w)), (b, (next_x, next_w)) in product(tracks.items(), repeat=2):
-        steps[:, a, b] += JUMP * _steps_px(x, w, next_x, next_w) / radius
     return viterbi(costs[0], steps)
-
-
-def _steps_px(
-    x: Float[np.ndarray, "T K 2"],
-    w: Float[np.ndarray, "T K"],
-    next_x: Float[np.ndarray, "T K 2"],
-    next_w: Float[np.ndarray, "T K"],
-) -> Float[np.ndarray, " S"]:
-    """Mean distance of keypoints from one frame to the next, in which other ones may follow."""
-    both = np.sqrt(w[:-1] * next_w[1:])
-    moved = np.where(both > 0, np.linalg.norm(next_x[1:] - x[:-1], axis=-1), 0.0)
-    return (both * moved).sum(axis=1) / np.maximum(both.sum(axis=1), 1e-9)
-
-
-def _radius_px(xy_px: Float[np.ndarray, "T K 2"], weight: Float[np.ndarray, "T K"]) -> float:
-    """Root mean square distance of the keypoints from their middle, the median of all frames."""
-    w = weight[..., None] / np.maximum(weight.sum(axis=1), 1e-9)[:, None, None]
-    x = np.where(w > 0, xy_px, 0.0)
-    square = (w * np.square(x - (w * x).sum(axis=1, keepdims=True))).sum(axis=(1, 2))
-    shown = weight.any(axis=1)
-    return float(np.sqrt(np.median(square[shown]))) if shown.any() else 1.0
 
 
 def point_shares(names: Sequence[str]) -> Float[np.ndarray, " K"]:
