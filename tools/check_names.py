@@ -22,9 +22,9 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 336,
-    "lines of the core": 70_325,
+    "lines of the core": 70_297,
     "packages of the core": 40,
-    "public names of the core": 3_895,
+    "public names of the core": 3_894,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
