@@ -122,7 +122,6 @@ ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6
 BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos: feet carry, other parts, hands, a bench
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
 RESTING_COST = 4.2  # of balance alone
-ANY_WAY_COST = 2 * np.log(2 / np.radians(TRUNK_DEG) ** 2)  # of a trunk: density on the sphere
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
@@ -309,11 +308,12 @@ def _trunk_in_depth(body: FilmedBody) -> Cost:
     as it may; how it leans aside the picture shows, and does not tell the camera's roll."""
     R = body.R_cam_from_world
     support = support_of(body.joints[body.whole], body.fps, MOMENTS)
+    any_way = 2 * np.log(2 / np.radians(TRUNK_DEG) ** 2)  # its density against the whole sphere's
 
     def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         _, down = camera_angles_deg(up, R)
         trunk = trunk_cost(_up_of_angles(np.zeros(len(up)), down) @ R, support)
-        return _mixed(np.stack([trunk, np.full_like(trunk, ANY_WAY_COST)]), (0.5, 0.5))
+        return _mixed(np.stack([trunk, np.full_like(trunk, any_way)]), (0.5, 0.5))
 
     return cost
 

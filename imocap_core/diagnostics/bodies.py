@@ -33,6 +33,7 @@ from imocap_core.camera.gravity import lowest_heights_m, sole_heights_m
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import EVAL_INDICES, LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.diagnostics.contradictions import (
+    LIMB_JOINTS,
     MeasuredSpan,
     forbidden_advice,
     frames_of,
@@ -434,9 +435,7 @@ def speed_findings(
     return findings
 
 
-LEAP_M = 0.25  # from one frame to the next,
-LEAP_ALONE = 2.0  # and so many times as far as across the picture, and as a frame before and after
-LIMBS = {"arm": ("elbow", "wrist", "hand"), "leg": ("knee", "ankle", "foot")}
+LEAP_M, LEAP_ALONE = 0.25, 2.0  # in a frame; so many times what is across, and before and after
 
 
 def leap_findings(motions: Sequence[VideoMotion]) -> list[Finding]:
@@ -452,13 +451,13 @@ def leap_findings(motions: Sequence[VideoMotion]) -> list[Finding]:
             int(motion.frames[frames[-1] + 1]),
         )
         for motion in motions
-        for limb, side in product(LIMBS, SIDES)
-        for far in [leaps_m(motion.joints, [f"{side}_{joint}" for joint in LIMBS[limb]])]
+        for limb, side in product(LIMB_JOINTS, SIDES)
+        for far in [_leaps_m(motion.joints, [f"{side}_{part}" for part in LIMB_JOINTS[limb]])]
         if len(frames := np.flatnonzero(far))
     ]
 
 
-def leaps_m(joints: Float[np.ndarray, "T 24 3"], names: Sequence[str]) -> Float[np.ndarray, " S"]:
+def _leaps_m(joints: Float[np.ndarray, "T 24 3"], names: Sequence[str]) -> Float[np.ndarray, " S"]:
     """Length of steps of any of some joints (camera axes) in depth alone, 0 where there is none."""
     columns = [SMPL_JOINTS.index(name) for name in names]
     step = np.diff(joints[:, columns] - joints[:, :1], axis=0)

@@ -40,12 +40,9 @@ def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     if sync.trust is None or len(sync.used) < 3:
         return None
     period_s = _period_s(repeating_videos(sync))
+    triples = [(set(t.videos), abs(remainder(t.seconds, period_s))) for t in sync.trust.triples]
     for right in (frozenset(), predicted):
-        trips = [
-            abs(remainder(t.seconds, period_s))
-            for t in sync.trust.triples
-            if len(set(t.videos) - right) > 1
-        ]
+        trips = [seconds for videos, seconds in triples if len(videos - right) > 1]
         left_out = [_left_out_s(v) for v in sync.trust.videos if v.id not in right]
         medians = [np.nanmedian(x) for x in (trips, left_out) if np.isfinite(x).any()]
         apart_s = float(max(medians)) if medians else None
@@ -75,7 +72,8 @@ def timing_sentence(
             f"{alone}: depth, the way the person faces and the path rest on what bodies usually "
             "do, and nothing checks them."
         )
-    matched = float(np.concatenate(list(with_counterpart(sync).values())).mean())
+    shown = [np.isfinite(m.reference_frame) for m in maps_of_others(sync)]
+    matched = float(np.concatenate([*shown, _reference_shown(sync)]).mean())
     if len(used) == 2:
         check = "with two videos nothing checks the timing"
         if predicted >= set(used):
@@ -102,13 +100,11 @@ def timing_sentence(
     )
 
 
-def with_counterpart(sync: SyncSummary) -> dict[str, Bool[np.ndarray, " T"]]:
-    """Whether each frame of the videos that take part is in another one of them; by id."""
-    others = maps_of_others(sync)
-    shown = {m.id: np.isfinite(m.reference_frame) for m in others}
-    frames = np.arange(len(next(m for m in sync.maps if m.id == sync.reference).reference_frame))
-    inverse = [np.isfinite(index_at(m.reference_frame, frames)) for m in others]
-    return {**shown, sync.reference: np.any(inverse, axis=0)}
+def _reference_shown(sync: SyncSummary) -> Bool[np.ndarray, " T"]:
+    """Whether another video shows each frame of the reference."""
+    frames = np.arange(next(len(m.confidence) for m in sync.maps if m.id == sync.reference))
+    others = [index_at(m.reference_frame, frames) for m in maps_of_others(sync)]
+    return np.asarray(np.isfinite(others).any(axis=0))
 
 
 def maps_of_others(sync: SyncSummary) -> list[SyncMap]:
@@ -129,7 +125,7 @@ def timing_findings(
         spans = _of_spans(sync_map, by_id[sync_map.id])
         findings += whole or [f for f in spans if not (is_predicted and f.serious)]
     if len(sync.used) > 1:
-        findings += _alone(by_id[sync.reference], with_counterpart(sync)[sync.reference])
+        findings += _alone(by_id[sync.reference], _reference_shown(sync))
     return findings
 
 

@@ -14,6 +14,7 @@ from imocap_core.motion.multiview.per_video import (
     COUPLED,
     LEAST_SPREAD_M,
     CouplingTargets,
+    at_video_frames,
     deviation_terms,
     facing_agreement,
     fit_deviations,
@@ -23,11 +24,16 @@ from imocap_core.motion.multiview.per_video import (
     position_coupling,
     targets_of,
 )
-from imocap_core.motion.multiview.scene import DeviationSpread, Scene
+from imocap_core.motion.multiview.scene import (
+    DeviationSpread,
+    Scene,
+    consensus_motion,
+    nearest_true,
+)
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.params import MotionParams
-from imocap_core.rotations import exp
+from imocap_core.rotations import exp, geodesic_angle
 from tests.motion.made import FRAMES, WEIGHTS, Made, mpjpe_mm
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
@@ -86,6 +92,31 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
     back, _ = fit_deviations(all_, astray, *given, restart=False)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
+
+
+def test_frames_that_one_video_shows_alone_go_on_from_the_others(made: Made) -> None:
+    """An elbow that one video has otherwise in all frames takes no step where the others end."""
+    unmatched, elbow = 5, 18
+    scene, state = whole(made, unmatched), in_own_axes(made)
+    edge = state.R_local.shape[1] - unmatched
+    turned, bent = state.R_local.clone(), exp(torch.tensor([0.0, 0.7, 0.0])).to(state.R_local)
+    turned[0, :, elbow] = bent @ turned[0, :, elbow]
+    given = replace(state, R_local=turned), made.cameras()
+    common = consensus_motion(scene, *given, OPTIONS.agreement_rad).R_local[0]
+    targets = targets_of(scene, state, replace(made.state, R_local=common[None]), made.cameras())
+    videos = at_video_frames(scene, state, made.state, targets).R_local
+    for motion, source in ((common, turned[0]), *zip(videos, state.R_local, strict=True)):
+        steps = [x[edge - 1, elbow].mT @ x[edge, elbow] for x in (motion, source)]
+        torch.testing.assert_close(*steps, rtol=0, atol=1e-6)
+    apart = geodesic_angle(common[:, elbow], turned[0, :, elbow])
+    assert apart[edge:].min() > 0.3
+    assert apart[edge:].std() < 0.01
+
+
+def test_the_nearest_true_flag() -> None:
+    flags = torch.tensor([[0, 1, 0, 0, 1, 0], [0] * 6, [1] * 6], dtype=torch.bool)
+    nearest = [[1, 1, 1, 4, 4, 4], [0] * 6, [0, 1, 2, 3, 4, 5]]
+    assert nearest_true(flags).tolist() == nearest
 
 
 def test_frames_that_a_fit_turned_away_from_the_keypoints_are_lost(made: Made) -> None:

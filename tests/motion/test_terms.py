@@ -26,11 +26,9 @@ from imocap_core.motion.terms import (
     Reprojection,
     ScorePrior,
     ShapePrior,
-    StepCoupling,
     Term,
     View,
 )
-from imocap_core.motion.terms.base import pairs
 from imocap_core.motion.terms.body_priors import (
     HINGES,
     hidden_directions,
@@ -145,10 +143,6 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "path": lambda b, s: PathSmoothness(3.0, 2.0),
     "pose coupling": lambda b, s: PoseCoupling(
         exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)
-    ),
-    "step coupling": lambda b, s: StepCoupling(
-        exp(normal(B, T - 1, 24, 3, seed=26, spread=0.3)),
-        normal(B, T - 1, 24, seed=27).abs() * pairs(s.valid)[..., None],
     ),
     "path coupling": lambda b, s: PathCoupling(
         normal(B, T, 3, seed=9), normal(B, T, seed=10).abs() * s.valid

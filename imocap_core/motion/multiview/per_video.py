@@ -38,11 +38,10 @@ from imocap_core.motion.terms import (
     JointEvidence,
     PathCoupling,
     PoseCoupling,
-    StepCoupling,
     Term,
     View,
 )
-from imocap_core.motion.terms.base import pairs, running_mean
+from imocap_core.motion.terms.base import running_mean
 from imocap_core.motion.terms.contact import foot_contact_share
 from imocap_core.motion.terms.view import project
 from imocap_core.params import MotionParams
@@ -289,7 +288,6 @@ COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
 # Of the weight that rotations would have alone: the positions couple the same deviations.
 ROTATIONS_SHARE = 0.5
 LOST_SHARE = 0.2  # of the keypoints' spread that a fit explained before and does not any more
-STEP_RAD_S, LEAP_RAD_S = 8.0, 25.0  # by which a joint's speed may differ, and that none reaches
 CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
 
 
@@ -323,7 +321,6 @@ def fit_deviations(
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
     terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
-    terms.append(step_coupling(state, scene.fps))
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
     lost = frames_lost(scene, solution.state, state)
     if lost.any():
@@ -385,14 +382,6 @@ def foot_contact_term(scene: Scene, common: MotionState, state: MotionState) -> 
     return FootContact(scene.body, weight * in_common * in_video, CONTACT_SCALE)
 
 
-def step_coupling(state: MotionState, fps: float) -> StepCoupling:
-    """The steps of the joints below the root are a motion's, but for those that are leaps there."""
-    before, after = state.R_local[:, :-1], state.R_local[:, 1:]
-    steady = pairs(state.valid)[..., None] & (geodesic_angle(before, after) * fps < LEAP_RAD_S)
-    steady[..., 0] = False
-    return StepCoupling(before.mT @ after, steady * (fps / STEP_RAD_S) ** 2)
-
-
 def _facing_released(start: MotionState, state: MotionState, faces: Tensor) -> MotionState:
     """The start with the video's own root orientation where it faces another way."""
     R_local = start.R_local.clone()
@@ -418,8 +407,7 @@ def at_video_frames(
     matched = targets.trust > 0
     betas = torch.cat([common.of_performer(p).betas for p in scene.performers])
     place = targets.root - scene.body.model.shape(betas).joints_rest[:, 0][:, None]
-    edge = nearest_true(matched)
-    row = torch.arange(len(matched), device=edge.device)[:, None]
+    edge, row = nearest_true(matched), torch.arange(len(matched), device=matched.device)[:, None]
     turn = targets.R_local[row, edge] @ state.R_local[row, edge].mT
     turn[:, :, 0] = torch.where(matched[..., None, None], turn[:, :, 0], torch.eye(3).to(turn))
     step = place[row, edge] - state.trans[row, edge]

@@ -420,11 +420,10 @@ def consensus_motion(
     R = chordal_mean(world.R_local, follows * world.weight[..., None])
     together = (world.weight > 0).sum(dim=0) > 1
     if together.any():
-        edge = nearest_true(together[None])[0]
-        alone = world.weight.argmax(dim=0)
+        edge, alone = nearest_true(together[None])[0], world.weight.argmax(dim=0)
         frames = torch.arange(len(edge), device=edge.device)
-        turn = R[edge] @ world.R_local[alone, edge].mT
-        R = torch.where(together[:, None, None, None], R, turn @ world.R_local[alone, frames])
+        turned = R[edge] @ world.R_local[alone, edge].mT @ world.R_local[alone, frames]
+        R = torch.where(together[:, None, None, None], R, turned)
     path = world.root[scene.reference]
     shapes = mean_shapes(state, scene.performers)
     rest = scene.body.model.shape(shapes[:1]).joints_rest[:, 0]
@@ -435,9 +434,12 @@ def consensus_motion(
 
 def nearest_true(flags: Bool[Tensor, "B T"]) -> Int64[Tensor, "B T"]:
     """Index of the nearest true flag in each row, of the earlier of two; 0 in rows without one."""
-    frames = torch.arange(flags.shape[1], device=flags.device)
-    apart = (frames[:, None] - frames).abs().to(torch.float32)
-    return apart.masked_fill(~flags[:, None], torch.inf).argmin(dim=-1)
+    count = flags.shape[1]
+    frames = torch.arange(count, device=flags.device).expand_as(flags)
+    before = torch.where(flags, frames, -count).cummax(dim=1).values
+    after = torch.where(flags, frames, 2 * count).flip(1).cummin(dim=1).values.flip(1)
+    nearest = torch.where(frames - before <= after - frames, before, after)
+    return torch.where(flags.any(dim=1, keepdim=True), nearest, 0)
 
 
 def mean_shapes(state: MotionState, performers: Sequence[int]) -> Float[Tensor, "P 10"]:

@@ -13,12 +13,7 @@ from imocap_core.motion.terms.body_priors import (
     ShapePrior,
 )
 from imocap_core.motion.terms.contact import FootContact
-from imocap_core.motion.terms.coupling import (
-    JointEvidence,
-    PathCoupling,
-    PoseCoupling,
-    StepCoupling,
-)
+from imocap_core.motion.terms.coupling import JointEvidence, PathCoupling, PoseCoupling
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.smoothness import JointAcceleration, PathSmoothness, PoseSmoothness
 from imocap_core.motion.terms.view import View
@@ -37,7 +32,6 @@ __all__ = [
     "Reprojection",
     "ScorePrior",
     "ShapePrior",
-    "StepCoupling",
     "Term",
     "View",
 ]

@@ -50,45 +50,6 @@ class PoseCoupling:
 
 
 @dataclass(frozen=True)
-class StepCoupling:
-    """Rotations from each frame to the next, coupled to those of another motion: a limb takes no
-    step from one depth to the other that the other motion does not take.
-
-    Attributes:
-        target: (B, T - 1, 24, 3, 3); weight: (B, T - 1, 24) per joint, 1/rad^2.
-    """
-
-    target: Float[Tensor, "B S 24 3 3"]
-    weight: Float[Tensor, "B S 24"]
-
-    def _residual(self, state: MotionState) -> Tensor:
-        R = state.R_local
-        return state.cached((self,), lambda: log(self.target.mT @ (R[:, :-1].mT @ R[:, 1:])))
-
-    def of(self, v: int, frames: int) -> StepCoupling:
-        """One motion's target."""
-        part = slice(v, v + 1), slice(frames - 1)
-        return replace(self, target=self.target[part], weight=self.weight[part])
-
-    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
-        """Cost of each motion."""
-        return (self.weight * self._residual(state).square().sum(-1)).sum((1, 2))
-
-    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """The gradient is exact; of two frames' common block the rotation between them is left
-        out."""
-        weight = self.weight[..., None]
-        pull = weight * self._residual(state)
-        normal.gradient[:, 1:, :POSE] += pull.flatten(2)
-        normal.gradient[:, :-1, :POSE] -= (self.target @ pull[..., None])[..., 0].flatten(2)
-        of_pair = weight.expand(*self.weight.shape, 3).flatten(2)
-        diagonal = torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)
-        diagonal[:, :-1, :POSE] += of_pair
-        diagonal[:, 1:, :POSE] += of_pair
-        torch.diagonal(normal.next1, dim1=-2, dim2=-1)[:, : of_pair.shape[1], :POSE] -= of_pair
-
-
-@dataclass(frozen=True)
 class PathCoupling:
     """``lambda_r2 |gamma - Y|^2``.
 
