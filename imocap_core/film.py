@@ -413,12 +413,7 @@ def phase_bar(
         wide = cv2.resize(row, (width - 2 * SIDE_PX, ROW_PX), interpolation=cv2.INTER_NEAREST)
         y = ROW_GAP_PX + number * (ROW_PX + ROW_GAP_PX)
         bar[y : y + ROW_PX, SIDE_PX : width - SIDE_PX] = wide
-    # round seconds within, at most TICKS, none at the very ends
-    lasting = float(moments_s[-1] - moments_s[0])
-    step = next((s for s in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30) if lasting / s <= TICKS), 60)
-    edge = 0.03 * lasting
-    first, last = np.ceil((moments_s[0] + edge) / step), np.floor((moments_s[-1] - edge) / step)
-    for second in [round(float(k * step), 1) for k in np.arange(first, last + 1)]:
+    for second in _ticks(moments_s):
         moment = float(np.interp(second, moments_s, np.arange(len(moments_s))))
         place = (round(_column(moments_s, moment, width)), bar.shape[0] - 8)
         write(bar, f"{second:g} s", place, 0.45, PALE_TEXT, before=0.5)
@@ -428,6 +423,15 @@ def phase_bar(
 def _column(moments_s: Float[np.ndarray, " N"], moment: float, width: int) -> float:
     """Pixel column of a moment on the axis: the middle of its share of the row."""
     return SIDE_PX + (moment + 0.5) / len(moments_s) * (width - 2 * SIDE_PX)
+
+
+def _ticks(moments_s: Float[np.ndarray, " N"]) -> list[float]:
+    """Round seconds within, at most TICKS, none at the very ends."""
+    lasting = float(moments_s[-1] - moments_s[0])
+    step = next((s for s in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30) if lasting / s <= TICKS), 60)
+    edge = 0.03 * lasting
+    first, last = np.ceil((moments_s[0] + edge) / step), np.floor((moments_s[-1] - edge) / step)
+    return [round(float(k * step), 1) for k in np.arange(first, last + 1)]
 
 
 FilmKind = Literal["overlay", "side-by-side", "both"]

@@ -33,7 +33,7 @@ from imocap_core.camera.projection import Lens, intrinsics
 from imocap_core.io.colmap import colmap_installed, reconstruct
 from imocap_core.params import CameraMotionParams
 
-_KEYS_PER_S, _FEWEST_KEYS, MOST_KEYS = 6.0, 16, 60
+KEYS_PER_S, FEWEST_KEYS, MOST_KEYS = 6.0, 16, 60
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Background:
 
     def path(self, start_px: float, *, refine_focal: bool) -> CameraPath | None:
         """The camera's path; start_px: focal length, in the video's own pictures."""
-        count = int(np.clip(_KEYS_PER_S * self.frames / self.fps, _FEWEST_KEYS, MOST_KEYS))
+        count = int(np.clip(KEYS_PER_S * self.frames / self.fps, FEWEST_KEYS, MOST_KEYS))
         keys = np.unique(np.linspace(0, self.frames - 1, count).round().astype(int)).tolist()
         start = start_px * self.scale
         structure = reconstruct(self.tracks, keys, self.small, start, refine_focal=refine_focal)

@@ -23,13 +23,13 @@ from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import one_motion
 from imocap_core.motion.observations import Observation
 
-_MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
+MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
 CORRELATION_S = 0.25  # detector errors count once per this time in the claimed errors
-_SOUND_SD_S, _MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matches
+SOUND_SD_S, MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matches
 # Undeclared videos are one event by three quarters of their matches, their paths and their misfit
 # under one motion. Recordings of one: 19 to 29 ms, 5 (the least) to 6.8 mm, 0.7 to 1.16 times that
 # of several; regular players and walkers: from 19 ms, 5 to 29 mm, 1.25 to 3 times.
-_ONE_OFFSET_S, _ONE_EVENT_PATH_M, _MISFIT_RATIO = 0.05, 0.007, 1.2
+ONE_OFFSET_S, ONE_EVENT_PATH_M, MISFIT_RATIO = 0.05, 0.007, 1.2
 
 
 def _can_calibrate(problem: JointProblem, motion: JointMotion) -> bool:
@@ -52,7 +52,7 @@ def as_one_event(
     problem = problem.synchronised(last.sync)
     alike = _may_be_one_event(problem, last.motion, sync)
     solved = calibrated_round(problem, keypoints, last, sync, progress) if alike else None
-    if solved is None or solved[0].rounds[-1].cost > _MISFIT_RATIO * last.cost:
+    if solved is None or solved[0].rounds[-1].cost > MISFIT_RATIO * last.cost:
         return loop, None
     rounds = [*loop.rounds, solved[0].rounds[-1]]
     event = solved[1].model_copy(update={"declared": False})
@@ -62,13 +62,13 @@ def as_one_event(
 def _may_be_one_event(problem: JointProblem, motion: JointMotion, sync: Sync) -> bool:
     """Whether the paths are one and most matches near one offset; not under `paper`."""
     spread = motion.spread if problem.options.objective == "shared" else None
-    if spread is None or spread.offset_sd[:, 3:].max() > _ONE_EVENT_PATH_M:
+    if spread is None or spread.offset_sd[:, 3:].max() > ONE_EVENT_PATH_M:
         return False
     clock = _clock_of_participants(problem, sync)
     for v, m in enumerate(problem.participants.sync(sync).maps):
         matched = np.isfinite(m.reference_frame)
         away = np.arange(len(matched)) - clock.rate[v] * m.reference_frame - clock.offset[v]
-        reach = max(1.5, _ONE_OFFSET_S * problem.scene.observations[v].fps)  # frames
+        reach = max(1.5, ONE_OFFSET_S * problem.scene.observations[v].fps)  # frames
         if not matched.any() or np.quantile(np.abs(away[matched]), 0.75) > reach:
             return False
     return True
@@ -130,7 +130,7 @@ def _calibration_problem(
     observations = scene.observations
     points = scene.body.positions(scene.body.keypoints, motion.common)[0].cpu().numpy()
     columns = [scene.body.keypoints.names.index(name) for name in names]
-    moments = np.arange(0, len(points), -(-len(points) // _MOST_MOMENTS))
+    moments = np.arange(0, len(points), -(-len(points) // MOST_MOMENTS))
     K, R, t = (x.cpu().numpy() for x in (motion.cameras.K, motion.cameras.R, motion.cameras.t))
     videos = len(observations)
     start = event_rig.CameraRig(
@@ -142,7 +142,7 @@ def _calibration_problem(
         event_rig.bone_lengths(start.points, everywhere, bones)
     )
     corrected = [v.lens is not None for v in problem.participants.camera_motion.videos]
-    sd_s = np.where(by_sound, _SOUND_SD_S, _MATCHES_SD_S)
+    sd_s = np.where(by_sound, SOUND_SD_S, MATCHES_SD_S)
     task = EventProblem(
         videos=[_event_video(o, scene.body.keypoints.names, names) for o in observations],
         moments=moments.astype(float),

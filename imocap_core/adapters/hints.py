@@ -72,7 +72,7 @@ def _range(video: VideoKeypoints) -> str:
     return f"{int(video.frames[0])} to {int(video.frames[-1])}"
 
 
-_ANCHOR_EVERY_S, _MOST_ANCHORS = 0.1, 40  # between two videos
+ANCHOR_EVERY_S, MOST_ANCHORS = 0.1, 40  # between two videos
 EDGE_S = 0.1  # of the overlap, without anchors
 
 
@@ -126,7 +126,7 @@ def _anchors(
     begin = max(first.time_s[0], second.time_s[0] + offset_s) + EDGE_S
     end = min(first.time_s[-1], second.time_s[-1] + offset_s) - EDGE_S
     ties = []
-    for time in np.arange(begin, end, max(_ANCHOR_EVERY_S, (end - begin) / _MOST_ANCHORS)):
+    for time in np.arange(begin, end, max(ANCHOR_EVERY_S, (end - begin) / MOST_ANCHORS)):
         frame = int(np.abs(first.time_s - time).argmin())
         counterpart = np.interp(
             first.time_s[frame] - offset_s, second.time_s, np.arange(len(second.time_s))

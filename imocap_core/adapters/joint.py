@@ -41,7 +41,7 @@ from imocap_core.sync.warp.reprojection_evidence import CalibratedVideo, Reproje
 
 # Deviations of one motion, in metres (training clips resampled: up to 0.005 and 0.005; captured and
 # made performances of training clips: 0.015 or more, or 0.02 or more in their paths)
-_ONE_MOTION_M, _ONE_PATH_M = 0.01, 0.015
+ONE_MOTION_M, ONE_PATH_M = 0.01, 0.015
 
 
 def is_one_motion(
@@ -54,7 +54,7 @@ def is_one_motion(
     """
     deviation = keypoint_sd_m.mean(axis=(1, 2)).max(initial=0.0)
     path = rigid_offset_sd[:, 3:].max(initial=0.0)
-    return bool(deviation <= _ONE_MOTION_M and path <= _ONE_PATH_M)
+    return bool(deviation <= ONE_MOTION_M and path <= ONE_PATH_M)
 
 
 @dataclass(frozen=True)

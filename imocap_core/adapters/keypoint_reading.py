@@ -29,10 +29,10 @@ from imocap_core.limits import MAX_FOCAL, MIN_FOCAL
 from imocap_core.people.shot_boundaries import Agreement
 from imocap_core.pipeline.action import Declaration
 
-_FPS_TOLERANCE = 0.02  # 29.97 may be declared as 30
-OUTSIDE, _OUTSIDE_SHARE = 0.1, 0.3  # of the picture; of the points
-_LEAST_EXTENT_PX = 2.0  # of a person, in the frame where they are largest
-_LEAST_REACH = 0.25  # of the picture's width and height that all people of a clip reach
+FPS_TOLERANCE = 0.02  # 29.97 may be declared as 30
+OUTSIDE, OUTSIDE_SHARE = 0.1, 0.3  # of the picture; of the points
+LEAST_EXTENT_PX = 2.0  # of a person, in the frame where they are largest
+LEAST_REACH = 0.25  # of the picture's width and height that all people of a clip reach
 
 
 def check_declared(declared: Declaration, probed: VideoInfo | None, file: Path) -> None:
@@ -49,7 +49,7 @@ def check_declared(declared: Declaration, probed: VideoInfo | None, file: Path) 
         )
     if probed is not None and declared.fps is not None:
         off = _times_off(declared.fps, probed)
-        if _FPS_TOLERANCE < off - 1 < SLOWED - 1:
+        if FPS_TOLERANCE < off - 1 < SLOWED - 1:
             raise ValueError(
                 f"{where}.fps: expected {probed.fps:g}, as {declared.video} has, got "
                 f"{declared.fps:g}; leave fps out where there is a video, unless it is slow motion "
@@ -106,13 +106,13 @@ def check_fits_picture(
         return
     present = xy_px[np.isfinite(xy_px).all(axis=-1).any(axis=1)]
     extent = np.nanmax(present, axis=1) - np.nanmin(present, axis=1)
-    if extent.max() < _LEAST_EXTENT_PX:
+    if extent.max() < LEAST_EXTENT_PX:
         raise ValueError(
             f"{folder}: expected a person, got points that lie on one spot in every frame; check "
             f"the detections"
         )
-    in_corner = not probed and share.max() < _LEAST_REACH
-    if outside.mean() <= _OUTSIDE_SHARE and not in_corner:
+    in_corner = not probed and share.max() < LEAST_REACH
+    if outside.mean() <= OUTSIDE_SHARE and not in_corner:
         return
     x, y = (share.max(axis=0) * size).round().astype(int)
     raise ValueError(
@@ -127,16 +127,16 @@ RATES = tuple(Fraction(*r) for r in (
 SCALES = tuple(Fraction(*r) for r in (
     (4, 3), (3, 2), (2, 1), (9, 4), (8, 3), (3, 1), (4, 1), (9, 2), (6, 1),
 ))  # fmt: skip
-_INSIDE, _MOST_OUTSIDE = 0.02, 0.05  # of the picture; of the points
-_LITTLE_REACH = 0.75  # of a picture: what reaches less may be of a smaller copy
+INSIDE, MOST_OUTSIDE = 0.02, 0.05  # of the picture; of the points
+LITTLE_REACH = 0.75  # of a picture: what reaches less may be of a smaller copy
 SHARES = 1.5  # points that reach no further are shares of the picture
 CORNER = 0.5
-PAIRS, STEP, LOOKED_AT, _LARGER_PX = 40, 2, 600, 480
-LEAST, _CLEARLY = 0.2, 0.1  # agreement with the pictures, and its lead over another reading
+PAIRS, STEP, LOOKED_AT, LARGER_PX = 40, 2, 600, 480
+LEAST, CLEARLY = 0.2, 0.1  # agreement with the pictures, and its lead over another reading
 SEEN = 0.3  # confidence of points that are compared
 ORDINALS = ("", "", "2nd", "3rd", "4th", "5th", "6th", "7th", "8th")
 FEW, MAX_STEP = 6, 8  # frames of keypoints that show a step; frames from one to the next
-_OFF_END = 2  # frames that detectors and decoders may differ by
+OFF_END = 2  # frames that detectors and decoders may differ by
 
 
 @dataclass(frozen=True)
@@ -237,10 +237,10 @@ def reading_of(
         return options[0]
     scores = _agreements(options, given, info, video)
     best = int(np.argmax(np.nan_to_num(scores, nan=-1.0)))
-    if best and scores[best] >= LEAST and not scores[best] - scores[0] < _CLEARLY:
+    if best and scores[best] >= LEAST and not scores[best] - scores[0] < CLEARLY:
         return options[best]
     reach = _reach(options[0].places(_points(given)), info.size)
-    if np.isfinite(scores[0]) and scores[0] < _CLEARLY and reach < CORNER:
+    if np.isfinite(scores[0]) and scores[0] < CLEARLY and reach < CORNER:
         raise ValueError(
             f"{where}: its points lie in a corner of the picture of {info.size[0]} x "
             f"{info.size[1]} and do not move with it; run the detector on this very video"
@@ -256,9 +256,9 @@ def _timings(
     span = last - first + 1
     if (first == 1 and last <= count) or first >= 1 == last - count + 1:
         base = Reading(first=1, words=("the keypoints are numbered from 1",))
-    elif first > 1 and last >= count and abs(span - count) <= _OFF_END:
+    elif first > 1 and last >= count and abs(span - count) <= OFF_END:
         base = Reading(first=first, words=(f"the keypoints are numbered from {first}",))
-    elif first >= count or (first > 1 and last >= count + _OFF_END):
+    elif first >= count or (first > 1 and last >= count + OFF_END):
         raise ValueError(
             f"{where}: its frames are numbered {first} to {last}, and the video has {count} "
             f"(0 to {count - 1}); run the detector on this very video, or number them from 0"
@@ -269,8 +269,8 @@ def _timings(
     total = last + 1 - zero
     every: list[Fraction] = [r for q in RATES for r in (q, 1 / q)]
     rates = [r for r in every if abs(total - r * count) <= max(Fraction(1), r)]
-    others = [_at_rate(r, zero, total, count) for r in rates if abs(total - count) > _OFF_END]
-    if total > count + _OFF_END:
+    others = [_at_rate(r, zero, total, count) for r in rates if abs(total - count) > OFF_END]
+    if total > count + OFF_END:
         if not others:
             raise ValueError(
                 f"{where}: keypoints of {total} frames, and the video has {count}; they are of "
@@ -313,7 +313,7 @@ def _placings(given: DetectedPeople, info: VideoInfo) -> list[Reading]:
     options = list(fitting)
     for base in bases:
         reach = _reach(base.places(points), size)
-        if base in fitting and reach > _LITTLE_REACH:
+        if base in fitting and reach > LITTLE_REACH:
             continue
         scales = SCALES if base in fitting else tuple(1 / s for s in SCALES)
         for scale in scales:
@@ -431,8 +431,8 @@ def _points(given: DetectedPeople) -> Float[np.ndarray, "N 2"]:
 
 def _fits(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> bool:
     share = points / np.array(size)
-    outside = ((share < -_INSIDE) | (share > 1 + _INSIDE)).any(axis=-1)
-    return bool(outside.mean() <= _MOST_OUTSIDE)
+    outside = ((share < -INSIDE) | (share > 1 + INSIDE)).any(axis=-1)
+    return bool(outside.mean() <= MOST_OUTSIDE)
 
 
 def _reach(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> float:
@@ -445,7 +445,7 @@ def _agreements(
 ) -> list[float]:
     """How well the points move with the pictures, in each reading; NaN where none can be told."""
     people = [option.by_place(given) for option in options]
-    scale, nobody = min(1.0, _LARGER_PX / max(info.size)), given.people[0][:0]
+    scale, nobody = min(1.0, LARGER_PX / max(info.size)), given.people[0][:0]
     agreement = Agreement(len(options))
     for t, before, after in _pairs(video, min(info.frame_count, LOOKED_AT), scale):
         points = []

@@ -102,8 +102,8 @@ def longest_shot(
     return max(holding or shots, key=lambda e: shown[e[1] - edges[0]] - shown[e[0] - edges[0]])
 
 
-_APPEARANCE_STEP_S = 0.2  # between frames in which appearances are measured
-_LEAST_SIZE_PX = 1.0
+APPEARANCE_STEP_S = 0.2  # between frames in which appearances are measured
+LEAST_SIZE_PX = 1.0
 SWAPPING_LAYOUTS = ("mediapipe33", "blazepose33")  # of detectors that take backs for fronts
 NEGLIGIBLE = 0.03  # of the best score: people with less are false detections or far away
 
@@ -231,7 +231,7 @@ def _cleaned(
         return performer
     xy, confidence, note = performer.xy_px, performer.confidence, performer.note
     boxes = performer.box_px[:, 2:] - performer.box_px[:, :2]
-    size = np.maximum(np.nan_to_num(np.hypot(*boxes.T), nan=0.0), _LEAST_SIZE_PX)
+    size = np.maximum(np.nan_to_num(np.hypot(*boxes.T), nan=0.0), LEAST_SIZE_PX)
     size = np.maximum(size, float(np.median(size)))
     names = layout_names(video.layout)
     if (lost := lost_frames(xy, size, names, video.fps)).any():
@@ -256,8 +256,8 @@ def _cleaned(
 def _appearances_of(
     video: Path, detected: TrackedVideo, tracks: Sequence[PersonTrack]
 ) -> list[appearance.Appearances]:
-    """The appearance of everybody tracked, every `_APPEARANCE_STEP_S`."""
-    step = max(1, round(_APPEARANCE_STEP_S * detected.fps))
+    """The appearance of everybody tracked, every `APPEARANCE_STEP_S`."""
+    step = max(1, round(APPEARANCE_STEP_S * detected.fps))
     first, last = int(detected.frames[0]), int(detected.frames[-1])
     appearances: list[dict[int, np.ndarray]] = [{} for _ in tracks]
     poses = [dict(zip(track.frames, track.poses, strict=True)) for track in tracks]

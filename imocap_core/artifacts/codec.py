@@ -102,13 +102,13 @@ def _check_provenance(provenance: Mapping[str, str]) -> None:
 
 
 LIBRARY = "imocap artifact 1"  # fixed, so that equal artifacts give equal files
-_LOG_TIME = 0
-_HEADER, PROVENANCE = "/header", "imocap.provenance"
-_SCHEMA_PREFIX = "imocap."
+LOG_TIME = 0
+HEADER, PROVENANCE = "/header", "imocap.provenance"
+SCHEMA_PREFIX = "imocap."
 REFERENCE = "$array"
 ZSTD = "zstd"  # in the records
-_FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, summary start, its offsets, CRC, magic
-_READER_ERRORS = (
+FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, summary start, its offsets, CRC, magic
+READER_ERRORS = (
     McapError,
     ZstdError,
     DecodeError,
@@ -173,21 +173,21 @@ def write(stream: BinaryIO, content: Content, json_schema: Mapping[str, Any]) ->
     writer.start(profile="", library=LIBRARY)
     schema_text = json.dumps(json_schema, sort_keys=True).encode()
     header_schema = writer.register_schema(
-        name=_SCHEMA_PREFIX + content.schema, encoding="jsonschema", data=schema_text
+        name=SCHEMA_PREFIX + content.schema, encoding="jsonschema", data=schema_text
     )
     files = descriptor_pb2.FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
     array_schema = writer.register_schema(name=NAME, encoding="protobuf", data=files)
-    messages = [(_HEADER, "json", header_schema, content.header)]
+    messages = [(HEADER, "json", header_schema, content.header)]
     messages += [
         ("/" + name, "protobuf", array_schema, to_bytes(name, content.arrays[name]))
         for name in sorted(content.arrays)
     ]
     for topic, encoding, schema, data in messages:
         channel = writer.register_channel(topic=topic, message_encoding=encoding, schema_id=schema)
-        writer.add_message(channel, log_time=_LOG_TIME, publish_time=_LOG_TIME, data=data)
+        writer.add_message(channel, log_time=LOG_TIME, publish_time=LOG_TIME, data=data)
     for name in sorted(content.files):
         writer.add_attachment(
-            _LOG_TIME, _LOG_TIME, name, "application/octet-stream", content.files[name]
+            LOG_TIME, LOG_TIME, name, "application/octet-stream", content.files[name]
         )
     writer.add_metadata(PROVENANCE, dict(sorted(content.provenance.items())))
     writer.finish()
@@ -198,14 +198,14 @@ def read(file: Path) -> Content:
     try:
         data = file.read_bytes()
         # the summary's CRC, which the MCAP reader leaves to its callers
-        footer = data[-_FOOTER.size :]
-        _, _, start, _, expected, _ = _FOOTER.unpack(footer)
-        if zlib.crc32(footer[:25], zlib.crc32(data[start : -_FOOTER.size])) != expected:
+        footer = data[-FOOTER.size :]
+        _, _, start, _, expected, _ = FOOTER.unpack(footer)
+        if zlib.crc32(footer[:25], zlib.crc32(data[start : -FOOTER.size])) != expected:
             raise ArtifactCorrupt("the summary does not match its checksum")
         return _collect(data)
     except ArtifactCorrupt as error:
         raise ArtifactCorrupt(f"{file}: {error}") from None
-    except _READER_ERRORS as error:
+    except READER_ERRORS as error:
         raise ArtifactCorrupt(f"{file}: {type(error).__name__}: {error}") from error
 
 
@@ -241,9 +241,9 @@ def _collect(data: bytes) -> Content:
             schemas[record.id] = record.name
         elif isinstance(record, Channel):
             topics[record.id] = (record.topic, record.schema_id)
-        elif isinstance(record, Message) and topics[record.channel_id][0] == _HEADER:
+        elif isinstance(record, Message) and topics[record.channel_id][0] == HEADER:
             header = record.data
-            kind = schemas[topics[record.channel_id][1]].removeprefix(_SCHEMA_PREFIX)
+            kind = schemas[topics[record.channel_id][1]].removeprefix(SCHEMA_PREFIX)
         elif isinstance(record, Message):
             name, array = from_bytes(record.data)
             arrays[name] = array

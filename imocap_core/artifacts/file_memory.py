@@ -25,8 +25,8 @@ from typing import BinaryIO, TypeVar
 from imocap_core import limits
 from imocap_core.files import write_whole
 
-_RETRY_S = 0.1
-_UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
+RETRY_S = 0.1
+UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 if sys.platform == "win32":
     import msvcrt
@@ -60,7 +60,7 @@ def exclusive(file: Path, waiting: Callable[[], None]) -> Iterator[None]:
         file.parent.mkdir(parents=True, exist_ok=True)
         opened = file.open("a+b")
     except OSError as error:
-        if error.errno not in _UNWRITABLE:
+        if error.errno not in UNWRITABLE:
             raise
         yield
         return
@@ -68,13 +68,13 @@ def exclusive(file: Path, waiting: Callable[[], None]) -> Iterator[None]:
         if not _try_lock(stream):
             waiting()
             while not _try_lock(stream):
-                time.sleep(_RETRY_S)
+                time.sleep(RETRY_S)
         yield
 
 
 FILE = Path(".cache") / "files.json"
 FORMAT = 2  # raise when what is computed from a file means something else
-_SETTLED_NS = 2_000_000_000  # a file changed later than this ago may change again unnoticed
+SETTLED_NS = 2_000_000_000  # a file changed later than this ago may change again unnoticed
 
 Value = TypeVar("Value")  # of JSON
 
@@ -101,7 +101,7 @@ def remembered(kind: str, path: Path, compute: Callable[[Path], Value]) -> Value
     if entry is not None and entry[0] == signature:
         return entry[1]  # type: ignore[return-value]
     value = compute(path)
-    if time.time_ns() - newest_ns > _SETTLED_NS and _signature(path)[0] == signature:
+    if time.time_ns() - newest_ns > SETTLED_NS and _signature(path)[0] == signature:
         _memory().entries[name] = (signature, value)
         _memory().changed = True
     return value

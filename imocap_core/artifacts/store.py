@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 
 CACHE = ".cache"
 REPORT = "report"
-_KEY = "key"  # of the provenance
-_SUFFIXES = (".mcap", ".npz")
-_SWEEP_S = 86400.0
-_OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*")
-_OF_ACTION = (".*.part*", "*/.*.part*", "*/*/.*.part*", ".report-*", ".stage-*")
+KEY = "key"  # of the provenance
+SUFFIXES = (".mcap", ".npz")
+SWEEP_S = 86400.0
+OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*")
+OF_ACTION = (".*.part*", "*/.*.part*", "*/*/.*.part*", ".report-*", ".stage-*")
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def cached_results(store: Path, used_files: Iterable[Path] = ()) -> list[CachedR
     results = []
     for file in (store / CACHE).glob("*/*"):
         hidden = file.name.startswith(".") or file.parent.name.startswith(".")
-        if hidden or file.suffix not in _SUFFIXES:
+        if hidden or file.suffix not in SUFFIXES:
             continue
         with suppress(FileNotFoundError):
             status = file.stat()
@@ -130,7 +130,7 @@ def leftovers(store: Path, action: str | None = None) -> list[Path]:
     action: those of the cache and of this action only; a folder of thousands is not looked through.
     """
     place = "*" if action is None else escape(action)
-    patterns = [f"{CACHE}/{x}" for x in _OF_CACHE] + [f"{place}/{x}" for x in _OF_ACTION]
+    patterns = [f"{CACHE}/{x}" for x in OF_CACHE] + [f"{place}/{x}" for x in OF_ACTION]
     # Not Path.glob, which raises when another run removes a folder between its listing and its own.
     matches = (glob(pattern, root_dir=store, include_hidden=True) for pattern in patterns)
     home = store.resolve()
@@ -158,7 +158,7 @@ def sweep(store: Path, action: str) -> None:
     for path in leftovers(store, action):
         with suppress(OSError):
             abandoned = store / action in path.parents or writer_has_ended(path)
-            if abandoned or time.time() - path.stat().st_mtime > _SWEEP_S:
+            if abandoned or time.time() - path.stat().st_mtime > SWEEP_S:
                 _delete(path)
 
 
@@ -303,7 +303,7 @@ class Store:
         from imocap_core.artifacts import codec
 
         content = replace(
-            codec.pack(artifact), provenance={**provenance, _KEY: key}, files=dict(files)
+            codec.pack(artifact), provenance={**provenance, KEY: key}, files=dict(files)
         )
         file = self.cached(stage, key)
         with appearing(file) as stream:
@@ -319,17 +319,7 @@ class Store:
         target = self.current(action, stage)
         again = stored.file == target
         if not again:
-            # target: a hard link, or a copy where the file system has no links
-            target.parent.mkdir(parents=True, exist_ok=True)
-            aside = target.with_name(f".{target.name}.{os.getpid()}.part")
-            try:
-                os.link(stored.file, aside)
-                os.replace(aside, target)
-            except OSError:
-                with appearing(target) as stream, stored.file.open("rb") as original:
-                    shutil.copyfileobj(original, stream)
-            finally:
-                aside.unlink(missing_ok=True)
+            _link(stored.file, target)
         report = self.report(action)
         if stored.has_files and not (again and _is_report_of(report, stored)):
             replace_folder(report, stored.content.files)
@@ -357,7 +347,7 @@ def _is_report_of(report: Path, stored: Stored) -> bool:
 
 def stored_as(file: Path, content: Content) -> Stored:
     """An artifact whose content is at hand."""
-    key, files = content.provenance.get(_KEY, ""), bool(content.files)
+    key, files = content.provenance.get(KEY, ""), bool(content.files)
     return Stored(file, content.schema, content.digest, key, files, content)
 
 
@@ -378,3 +368,17 @@ def _unread(file: Path) -> Stored:
 
     head = remembered("artifact", file, head_of)
     return read_now[0] if read_now else Stored(file, **head)  # type: ignore[arg-type]
+
+
+def _link(source: Path, target: Path) -> None:
+    """Make `target` a hard link to `source`, or a copy where the file system has no links."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    aside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        os.link(source, aside)
+        os.replace(aside, target)
+    except OSError:
+        with appearing(target) as stream, source.open("rb") as original:
+            shutil.copyfileobj(original, stream)
+    finally:
+        aside.unlink(missing_ok=True)  # renaming onto a link of the same file leaves it behind

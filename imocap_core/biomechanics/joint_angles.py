@@ -330,20 +330,24 @@ def angle_spreads_deg(
         if k == PELVIS:
             level = WORLD @ R
             covariance = covariance + np.einsum("tyx,y,tyz->txz", level, of_world, level)
-        # gradient: derivatives of the three angles (rows) by increments R <- R exp(delta)
-        columns = []
-        for axis in np.eye(3):
-            step = Rotation.from_rotvec(STEP_RAD * axis).as_matrix()
-            ahead, behind = (DECOMPOSITIONS[of.order](R @ turn) for turn in (step, step.T))
-            change = (ahead - behind + np.pi) % (2 * np.pi) - np.pi
-            columns.append(change / (2 * STEP_RAD))
-        gradient = np.stack(columns, axis=-1)
+        gradient = _gradient(R, of.order)
         variance = np.einsum("tax,txy,tay->ta", gradient, covariance, gradient)
         for (name, _), of_angle in zip(of.angles, np.sqrt(variance).T, strict=True):
             sd[f"{joint}_{name}"] = of_angle
     if np.isnan(tilt_sd_deg):
         sd |= {name: np.full(len(R_local), np.nan) for name in BY_TILT}
     return {name: of_angle for name, of_angle in sd.items() if not name.endswith(LEFT_OUT)}
+
+
+def _gradient(R: Float[np.ndarray, "T 3 3"], order: str) -> Float[np.ndarray, "T 3 3"]:
+    """Derivatives of a rotation's three angles (rows) by increments R <- R exp(delta)."""
+    columns = []
+    for axis in np.eye(3):
+        step = Rotation.from_rotvec(STEP_RAD * axis).as_matrix()
+        ahead, behind = (DECOMPOSITIONS[order](R @ turn) for turn in (step, step.T))
+        change = (ahead - behind + np.pi) % (2 * np.pi) - np.pi
+        columns.append(change / (2 * STEP_RAD))
+    return np.stack(columns, axis=-1)
 
 
 TURN_DEG = 360.0

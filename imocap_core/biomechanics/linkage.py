@@ -133,21 +133,25 @@ def _add(
 ) -> None:
     parent = None if of.proximal is None else links[_name(of.proximal, prefix)]
     origin = np.mean([rest_m[_index(c, prefix)] for c in ORIGINS[of.distal]], axis=0)
-    # mirrored limbs turn about -X and -Y where those of the right side turn about X and Y
-    mirror = np.array([-1.0, -1.0, 1.0]) if prefix == "left_" else np.ones(3)
     links[prefix + of.distal] = Link(
         segment=prefix + of.distal,
         joint=prefix + joint,
         parent=None if parent is None else parent.segment,
         place_m=np.zeros(3) if parent is None else parent.local_m(origin),
-        rotations=tuple(
-            Coordinate(f"{prefix}{joint}_{name}", sign * mirror * axis)
-            for (name, sign), axis in zip(of.angles, AXES[of.order], strict=True)
-            if f"{joint}_{name}" not in LEFT_OUT
-        ),
+        rotations=_rotations(prefix, joint, of),
         translations=tuple(f"{prefix}{joint}_t{a}" for a in "xyz") if joint in MOVING else (),
         origin_m=origin,
         axes=rest_axes(rest_m, side)[of.distal],
+    )
+
+
+def _rotations(prefix: str, joint: str, of: JointDefinition) -> tuple[Coordinate, ...]:
+    """Mirrored limbs turn about -X and -Y where those of the right side turn about X and Y."""
+    mirror = np.array([-1.0, -1.0, 1.0]) if prefix == "left_" else np.ones(3)
+    return tuple(
+        Coordinate(f"{prefix}{joint}_{name}", sign * mirror * axis)
+        for (name, sign), axis in zip(of.angles, AXES[of.order], strict=True)
+        if f"{joint}_{name}" not in LEFT_OUT
     )
 
 
@@ -271,9 +275,7 @@ def segment_masses(
     Args:
         vertices_m: of the rest pose. owners: per vertex the joint that moves it most.
     """
-    # volume inside the surface: the sum of the signed tetrahedra from its triangles
-    a, b, c = (vertices_m[faces[:, k]] for k in range(3))
-    total = DENSITY_KG_M3 * float((a * np.cross(b, c)).sum() / 6)
+    total = DENSITY_KG_M3 * _volume_m3(vertices_m, faces)
     shares = _shares()
     masses = {}
     for name, link in links.items():
@@ -285,6 +287,12 @@ def segment_masses(
         low, high = points.min(axis=0), points.max(axis=0)
         masses[name] = SegmentMass(total * shares[segment], (low + high) / 2, (high - low) / 2)
     return masses
+
+
+def _volume_m3(vertices_m: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
+    """Volume inside a closed surface: the sum of the signed tetrahedra from its triangles."""
+    a, b, c = (vertices_m[faces[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
 
 
 def _shares() -> dict[str, float]:

@@ -271,12 +271,7 @@ def points_with_blocks(
     placed = turn(rows, levers.flatten(-2).transpose(-1, -2)).transpose(-1, -2)
     xyz = placed + shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
     blocks = _by_pose(posed.R_world, rows, levers, points)
-    # levers and the root are linear in the shape
-    count = shaped.coefficients.shape[-1]
-    directions = points.levers_shapedirs[..., :count]  # (K, J, 3, n)
-    columns = directions.movedim(0, 2).flatten(2).flatten(0, 1)  # (3 J, K n)
-    turned = (rows @ columns).unflatten(-1, (len(points.names), count))
-    d_shape = turned.transpose(-3, -2) + shaped.model.joints_shapedirs[0, :, :count]
+    d_shape = _by_shape(rows, shaped, points)
     batch = xyz.shape[:-2]
     return xyz, blocks.expand(*batch, -1, -1, -1), d_shape.expand(*batch, -1, -1, -1)
 
@@ -326,3 +321,14 @@ def all_joints(blocks: Float[Tensor, "... N 3 3"], points: PointSet) -> Float[Te
     result = blocks.new_zeros(*batch, count * 3 * joints, 3)
     result.index_copy_(len(batch), place, blocks.flatten(-3, -2))
     return result.view(*batch, count, 3, 3 * joints)
+
+
+def _by_shape(
+    rows: Float[Tensor, "... 3 _"], shaped: Shaped, points: PointSet
+) -> Float[Tensor, "... K 3 n"]:
+    """Derivatives by shape: levers and the root are linear in the shape."""
+    count = shaped.coefficients.shape[-1]
+    directions = points.levers_shapedirs[..., :count]  # (K, J, 3, n)
+    columns = directions.movedim(0, 2).flatten(2).flatten(0, 1)  # (3 J, K n)
+    turned = (rows @ columns).unflatten(-1, (len(points.names), count))
+    return turned.transpose(-3, -2) + shaped.model.joints_shapedirs[0, :, :count]

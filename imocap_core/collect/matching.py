@@ -37,7 +37,7 @@ _MATCH_LEVEL = (
     0.6  # squared distance of poses that are alike, of that to the median pose of the films
 )
 MIRROR_MARGIN = 0.3  # in score, by which a mirrored match must be better
-_MATCHED_JOINTS = [
+MATCHED_JOINTS = [
     SMPL_JOINTS.index(name)
     for name in (
         *("left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"),
@@ -46,10 +46,10 @@ _MATCHED_JOINTS = [
     )
 ]
 
-_LEAST_SIGMA_M = 0.06  # the joints next to the pelvis do not decide alone
-_USUAL_M = 0.1  # error of a lifted joint that has weight 1
-_ONE = [_MATCHED_JOINTS.index(TWINS[joint]) for joint in _MATCHED_JOINTS]
-MIRRORED = [len(_MATCHED_JOINTS) * part + twin for part in range(3) for twin in _ONE]
+LEAST_SIGMA_M = 0.06  # the joints next to the pelvis do not decide alone
+USUAL_M = 0.1  # error of a lifted joint that has weight 1
+_ONE = [MATCHED_JOINTS.index(TWINS[joint]) for joint in MATCHED_JOINTS]
+MIRRORED = [len(MATCHED_JOINTS) * part + twin for part in range(3) for twin in _ONE]
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def samples_of(track: ShotTrack, rate: float) -> TrackSamples:
     step = track.fps / (RATE_HZ * rate)
     frames = np.arange(0.0, len(track.joints), step)
     reach = track.fps * WINDOW_S / rate
-    poses = track.joints[:, _MATCHED_JOINTS]
+    poses = track.joints[:, MATCHED_JOINTS]
     poses = poses - poses.mean(axis=1, keepdims=True)
     smooth = gaussian_filter1d(poses, max(0.4 * step, 0.5), axis=0, mode="nearest")
     last = len(smooth) - 1  # the first and the last pose go on beyond the ends
@@ -78,8 +78,8 @@ def samples_of(track: ShotTrack, rate: float) -> TrackSamples:
     ]
     windows = np.concatenate(parts, axis=1)
     nearest = np.minimum(np.rint(frames).astype(int), len(poses) - 1)
-    sigma = np.maximum(track.sigma_m[nearest][:, _MATCHED_JOINTS], _LEAST_SIGMA_M)
-    precision = (_USUAL_M / sigma) ** 2
+    sigma = np.maximum(track.sigma_m[nearest][:, MATCHED_JOINTS], LEAST_SIGMA_M)
+    precision = (USUAL_M / sigma) ** 2
     weights = np.concatenate([precision * track.visible[nearest][:, None]] * 3, axis=1)
     return TrackSamples(windows, weights, frames, rate)
 
@@ -125,12 +125,12 @@ def pooled(tracks: Sequence[TrackSamples]) -> TrackSamples:
 
 def pose_change(windows: Float[np.ndarray, "N P 3"]) -> Float[np.ndarray, " N"]:
     """Root mean square movement of the joints within each window, metres."""
-    joints = len(_MATCHED_JOINTS)
+    joints = len(MATCHED_JOINTS)
     step = windows[:, 2 * joints :] - windows[:, :joints]
     return np.asarray(np.sqrt((step**2).sum(axis=-1).mean(axis=-1)))
 
 
-_MAX_POOL = 4000  # windows that tell how far anything is from the template
+MAX_POOL = 4000  # windows that tell how far anything is from the template
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class FilmTracks:
     def pool(self) -> TrackSamples:
         """Windows of everybody at the films' speed, evenly thinned out."""
         every = pooled([at_rate(rates, 1.0) for rates in self.samples])
-        return part_of(every, slice(None, None, -(-len(every.frame) // _MAX_POOL)))
+        return part_of(every, slice(None, None, -(-len(every.frame) // MAX_POOL)))
 
     def of_shot(self, film: int, shot: int) -> list[int]:
         """Indices of the tracks of one shot."""
@@ -165,12 +165,12 @@ def film_tracks(films: Sequence[LongFilm], params: KeypointsParams) -> FilmTrack
     return FilmTracks(tracks, [[samples_of(track, rate) for rate in RATES] for track in tracks])
 
 
-_USUAL_M2 = 0.04  # squared distance of unrelated poses, about
-_LEAST_M2 = 0.008  # of the background, where films show little but the action
+USUAL_M2 = 0.04  # squared distance of unrelated poses, about
+LEAST_M2 = 0.008  # of the background, where films show little but the action
 FEW = 8  # people, whose scores say little about others
-_LEAST_SPREAD = 0.03  # median deviation of scores
+LEAST_SPREAD = 0.03  # median deviation of scores
 OVERLAP = 0.3  # of the shorter: two matches of a track overlap by at most so much
-_WORST = -0.3  # likeness of poses as unlike as can be: one bad stretch does not decide
+WORST = -0.3  # likeness of poses as unlike as can be: one bad stretch does not decide
 UNSEEN = 2.0  # times the level: squared distance to a frame without the person
 
 
@@ -214,22 +214,22 @@ def template_of(samples: TrackSamples, pool: TrackSamples) -> Template:
     """A template, and how far all windows of the films, the pool, are from it."""
     squares = squared_distances(samples, pool)
     unknown = ~np.isfinite(squares).any(axis=1)
-    squares[unknown] = _LEAST_M2
-    background = np.maximum(np.nanmedian(squares, axis=1), _LEAST_M2)
+    squares[unknown] = LEAST_M2
+    background = np.maximum(np.nanmedian(squares, axis=1), LEAST_M2)
     typical = np.sqrt(np.mean(pose_change(pool.windows) ** 2))
     moving = np.minimum(pose_change(samples.windows) / max(typical, 1e-6), 1.0)
-    return Template(samples, background, np.where(unknown, 0.0, moving * background / _USUAL_M2))
+    return Template(samples, background, np.where(unknown, 0.0, moving * background / USUAL_M2))
 
 
 def similarity(
     template: Template, samples: TrackSamples, *, mirror: bool = False
 ) -> Float[np.ndarray, "n N"]:
-    """1 for equal windows, 0 at _MATCH_LEVEL times the background's distance, at least _WORST, all
+    """1 for equal windows, 0 at _MATCH_LEVEL times the background's distance, at least WORST, all
     times the weight of the template's window."""
     squares = squared_distances(template.samples, mirrored(samples) if mirror else samples)
     scale = template.background[:, None]
     ratio = np.where(np.isfinite(squares), squares / (_MATCH_LEVEL * scale), UNSEEN)
-    return np.clip(1.0 - ratio, _WORST, 1.0) * template.weight[:, None]
+    return np.clip(1.0 - ratio, WORST, 1.0) * template.weight[:, None]
 
 
 def matches_in(
@@ -258,7 +258,7 @@ def score_threshold(best: Sequence[float], params: CollectParams) -> float:
     if len(best) < FEW:
         return 0.5 * (params.least_score + params.certain_score)
     median = float(np.median(best))
-    spread = 1.4826 * max(float(np.median(np.abs(np.array(best) - median))), _LEAST_SPREAD)
+    spread = 1.4826 * max(float(np.median(np.abs(np.array(best) - median))), LEAST_SPREAD)
     clear = median + params.least_contrast * spread
     return min(max(clear, params.least_score), params.certain_score)
 

@@ -45,7 +45,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import CollectParams, KeypointsParams
 from imocap_core.sync.repetition import Span, best_totals, find_repetitions, subsequence_dtw
 
-_WITHIN = 0.7  # of a stretch lies in the cycle that it is a part of
+WITHIN = 0.7  # of a stretch lies in the cycle that it is a part of
 
 
 def cycles_of(track: ShotTrack) -> tuple[Span, ...]:
@@ -59,7 +59,7 @@ def cycle_around(first: int, stop: int, cycles: Sequence[Span]) -> Span | None:
     """The cycle of which some frames are a part; None where they are not part of one."""
     shared = {c: min(stop, c[1]) - max(first, c[0]) for c in cycles}
     best = max(cycles, key=lambda c: shared[c], default=None)
-    inside = best is not None and shared[best] >= _WITHIN * (stop - first)
+    inside = best is not None and shared[best] >= WITHIN * (stop - first)
     return best if inside else None
 
 
@@ -97,8 +97,8 @@ def in_whole_cycles(matches: Sequence[Match], cycles: Sequence[Span], least: flo
 
 
 MAX_STARTS = 160  # stretches that are tried
-_COUNTED = 0.5  # of the least likeness is subtracted: what is just like enough counts half
-_TRIED_RATES = (0.25, 1.0)
+COUNTED = 0.5  # of the least likeness is subtracted: what is just like enough counts half
+TRIED_RATES = (0.25, 1.0)
 _SHORTEST_S, _LONGEST_S = 1.0, 3.0
 _RECURRING_SCORE = 0.6  # from which on a stretch counts as a repetition
 
@@ -142,11 +142,11 @@ def _explained(template: Template, rates: Sequence[TrackSamples]) -> Float[np.nd
     weight = np.cumsum(template.weight)
     explained = np.zeros(len(weight))
     for samples in rates:
-        if samples.rate in _TRIED_RATES:
+        if samples.rate in TRIED_RATES:
             row = similarity(template, samples)
             total, begin = subsequence_dtw(row)
             least = _RECURRING_SCORE * weight[:, None]
-            value = np.where(total >= least, total - _COUNTED * least, -np.inf)
+            value = np.where(total >= least, total - COUNTED * least, -np.inf)
             explained = np.maximum(explained, best_totals(value, begin)[:, -1])
     return explained
 
@@ -162,7 +162,7 @@ def _starts(tracks: Sequence[Sequence[TrackSamples]], shortest: int) -> list[tup
     return possible[::step]
 
 
-_LEAST_SCORE = 0.5  # of a further example
+LEAST_SCORE = 0.5  # of a further example
 MOST = 6
 SAME = 0.5  # of the shorter stretch that two matches of one occurrence share
 
@@ -197,7 +197,7 @@ def by_further_examples(
 def clearest(matches: Sequence[Sequence[Match]], params: CollectParams) -> list[Match]:
     """At most one match a track, those that are most alike."""
     best = sorted((of_track[0] for of_track in matches if of_track), key=lambda m: -m.score)
-    least = max(_LEAST_SCORE, threshold(matches, params))
+    least = max(LEAST_SCORE, threshold(matches, params))
     return [match for match in best[:MOST] if match.score >= least]
 
 

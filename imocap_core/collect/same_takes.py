@@ -28,11 +28,11 @@ NEAR = 0.0125  # of the person's size: root mean square over the keypoints, medi
 CENTRE = 0.0045  # of the person's size: distance of the keypoints' centres, median over frames
 UNLIKE = 0.05  # as NEAR, of poses about their centres
 ALIKE = 0.95  # correlation of the pictures of the person, median over frames
-_ADVANCING = 0.7  # of the frames lie on one line of time,
+ADVANCING = 0.7  # of the frames lie on one line of time,
 ASIDE = 0.1  # of the duration: or so near to it
-_LEAST_MOVING = 8  # frames
+LEAST_MOVING = 8  # frames
 POSITIONS_PER_FRAME = 4
-_PLAYED = np.geomspace(0.2, 5.0, 57)  # frames of the second a frame of the first
+PLAYED = np.geomspace(0.2, 5.0, 57)  # frames of the second a frame of the first
 PATCH = 64  # side of the compared pictures of the person
 COMPARED = 9  # pictures
 
@@ -83,7 +83,7 @@ def _repeated(
 ) -> Replay | None:
     moving = moving_frames(a, fps)
     complete = np.flatnonzero(np.isfinite(b).all((1, 2)))
-    if len(moving) < _LEAST_MOVING or len(complete) < _LEAST_MOVING:
+    if len(moving) < LEAST_MOVING or len(complete) < LEAST_MOVING:
         return None
     size = person_size(a)
     x, y = a[moving], upsampled(b[complete], POSITIONS_PER_FRAME)
@@ -117,7 +117,7 @@ def _at_constant_rate(
     distance = np.sqrt(np.maximum(square, 0.0) / x.shape[1])
     rows, elapsed = np.arange(len(x)), frames - frames[0]
     best, chosen = np.inf, np.zeros(len(x), dtype=int)
-    for rate in _PLAYED:
+    for rate in PLAYED:
         steps = np.rint(POSITIONS_PER_FRAME * rate * elapsed).astype(int)
         begins = np.arange(max(0, len(y) - steps[-1]))
         if len(begins):
@@ -133,7 +133,7 @@ def _slope(frames: Int[np.ndarray, " N"], position: Float[np.ndarray, " N"]) -> 
     slope = theil_sen_slope(frames, position)
     offset = position - slope * frames
     aside = np.abs(offset - np.median(offset))
-    return slope if (aside < ASIDE * slope * np.ptp(frames)).mean() > _ADVANCING else 0.0
+    return slope if (aside < ASIDE * slope * np.ptp(frames)).mean() > ADVANCING else 0.0
 
 
 def compared_pairs(replay: Replay) -> list[tuple[int, int]]:

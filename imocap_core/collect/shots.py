@@ -21,19 +21,19 @@ from scipy.ndimage import maximum_filter1d
 from imocap_core.people.shot_boundaries import ALIKE, THUMB, best_correlation, find_cuts, thumbnail
 from imocap_core.sequences import runs
 
-_DARK = 24  # grey level: no pixel of a bar is brighter
-_LEAST_AREA = 0.2  # of the picture: what is left is its content, else all of it is dark
+DARK = 24  # grey level: no pixel of a bar is brighter
+LEAST_AREA = 0.2  # of the picture: what is left is its content, else all of it is dark
 
 
 def content(gray: UInt8[np.ndarray, "H W"]) -> tuple[slice, slice]:
     """Rows and columns of a picture without its bars; all of them where it is dark everywhere."""
-    bright = gray > _DARK
+    bright = gray > DARK
     rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return slice(0, gray.shape[0]), slice(0, gray.shape[1])
     inside = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     area = (inside[0].stop - inside[0].start) * (inside[1].stop - inside[1].start)
-    if area < _LEAST_AREA * gray.size:
+    if area < LEAST_AREA * gray.size:
         return slice(0, gray.shape[0]), slice(0, gray.shape[1])
     return inside
 
@@ -47,20 +47,20 @@ def without_bars(gray: UInt8[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W"]:
 
 
 WIDTHS = (5, 9, 13, 17, 25, 37)  # frames from A to B that are tried
-_RESTING = 0.4  # of the mean step: the first and the last are smaller
+RESTING = 0.4  # of the mean step: the first and the last are smaller
 UNLIKE = 0.7  # correlation of A and B is below it
 LEAST_CHANGE = 10.0  # grey levels, root mean square, from A to B
-_LEAST_GRADUAL_AREA = 0.12  # of the picture changes by as much: more than a person who moves
+LEAST_GRADUAL_AREA = 0.12  # of the picture changes by as much: more than a person who moves
 OUTSIDE = 0.06  # of the squared change: what lies outside [A, B]
 BACK = 0.06  # of the change: so much may be lost again from frame to frame
-_LARGEST_STEP = 0.6  # of the change; more within one frame is a cut
-_UNEVEN = 4.5  # the largest step is at most so many times the mean one
+LARGEST_STEP = 0.6  # of the change; more within one frame is a cut
+UNEVEN = 4.5  # the largest step is at most so many times the mean one
 REST = 0.08  # of the change: frames with less (or all but less) belong to the shots
-_BLANK = 4.0  # grey levels: standard deviation of a blank picture
+BLANK = 4.0  # grey levels: standard deviation of a blank picture
 PALE = 0.2  # of the largest contrast near it: a picture with less is blank too
-_GROWTH = 1.01  # of the contrast, from frame to frame of a fade
-_LONGEST_FADE = 45  # frames, on either side of the blank ones
-_FLASH = 5  # bright blank frames between pictures that are alike are a flash, if no more
+GROWTH = 1.01  # of the contrast, from frame to frame of a fade
+LONGEST_FADE = 45  # frames, on either side of the blank ones
+FLASH = 5  # bright blank frames between pictures that are alike are a flash, if no more
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ def _without_flashes(thumbs: UInt8[np.ndarray, "T h w"]) -> UInt8[np.ndarray, "T
     calm = thumbs.copy()
     flat = thumbs.reshape(len(thumbs), -1).astype(np.float32)
     contrast, light = flat.std(axis=1), flat.mean(axis=1)
-    for a, b in runs(contrast < np.maximum(_BLANK, PALE * np.median(contrast))):
-        inside = a > 0 and b + 1 < len(thumbs) and b - a < _FLASH
+    for a, b in runs(contrast < np.maximum(BLANK, PALE * np.median(contrast))):
+        inside = a > 0 and b + 1 < len(thumbs) and b - a < FLASH
         if inside and light[a : b + 1].min() > max(light[a - 1], light[b + 1]):
             before, after = (without_bars(thumbs[t]) for t in (a - 1, b + 1))
             if _alike(before, after):
@@ -122,7 +122,7 @@ def _mixed_frames(
         inner = flat[t : t + width + 1]
         share = (inner - A) @ change / energy
         steps = np.diff(share)
-        if steps.min() < -BACK or steps.max() > _LARGEST_STEP:
+        if steps.min() < -BACK or steps.max() > LARGEST_STEP:
             continue
         low, high = np.minimum(A, B), np.maximum(A, B)
         outside = np.maximum(inner - high, 0) + np.maximum(low - inner, 0)
@@ -132,8 +132,8 @@ def _mixed_frames(
         if len(between) < 2 or between[0] < 2 or between[-1] > width - 2:
             continue  # no frame of the shots beside it, but A and B
         mean_step = 1 / (len(between) + 1)
-        at_rest = max(steps[0], steps[-1]) < _RESTING * mean_step
-        even = at_rest and steps.max() <= _UNEVEN * mean_step
+        at_rest = max(steps[0], steps[-1]) < RESTING * mean_step
+        even = at_rest and steps.max() <= UNEVEN * mean_step
         if even and not _alike(pictures[t], pictures[t + width], UNLIKE):  # in another place too
             mixed[t + between[0] : t + between[-1] + 1] = True
     return mixed
@@ -152,27 +152,27 @@ def _unlike_pairs(
     correlation = product / np.maximum(spread[:-width] * spread[width:], 1e-6)
     change = np.sqrt(((flat[width:] - flat[:-width]) ** 2).mean(axis=1))
     area = (np.abs(flat[width:] - flat[:-width]) > LEAST_CHANGE).mean(axis=1)
-    full = (spread[:-width] > _BLANK) & (spread[width:] > _BLANK)
+    full = (spread[:-width] > BLANK) & (spread[width:] > BLANK)
     return np.flatnonzero(
-        (correlation < UNLIKE) & (change > LEAST_CHANGE) & (area > _LEAST_GRADUAL_AREA) & full
+        (correlation < UNLIKE) & (change > LEAST_CHANGE) & (area > LEAST_GRADUAL_AREA) & full
     ).tolist()
 
 
 def _fades(flat: Float[np.ndarray, "T P"]) -> list[Transition]:
     """Blank frames, and the frames about them in which the contrast grows from frame to frame."""
     contrast = flat.std(axis=1)
-    usual = maximum_filter1d(contrast, 2 * _LONGEST_FADE + 1)
+    usual = maximum_filter1d(contrast, 2 * LONGEST_FADE + 1)
     fades = []
-    for a, b in runs(contrast < np.maximum(_BLANK, PALE * usual)):
-        first = a - _growing(contrast[max(0, a - _LONGEST_FADE) : a + 1][::-1])
-        stop = b + 1 + _growing(contrast[b : b + 1 + _LONGEST_FADE])
+    for a, b in runs(contrast < np.maximum(BLANK, PALE * usual)):
+        first = a - _growing(contrast[max(0, a - LONGEST_FADE) : a + 1][::-1])
+        stop = b + 1 + _growing(contrast[b : b + 1 + LONGEST_FADE])
         fades.append(Transition(first, stop, "fade" if stop - first > b - a + 1 else "blank"))
     return fades
 
 
 def _growing(contrast: Float[np.ndarray, " n"]) -> int:
     """How many values after the first are larger than the one before and smaller than the next."""
-    grows = contrast[1:] > _GROWTH * contrast[:-1] + 0.05
+    grows = contrast[1:] > GROWTH * contrast[:-1] + 0.05
     steps = int(np.argmin(grows)) if not grows.all() else len(grows)
     return max(steps - 1, 0)
 
@@ -193,10 +193,10 @@ def _named(thumbs: UInt8[np.ndarray, "T h w"], t: Transition) -> Transition:
 
 
 CHUNK, OVERLAP = 2000, 100  # frames looked through together
-_STILL = 4.0  # grey levels: of a still shot hardly any pixel differs by more between two frames
+STILL = 4.0  # grey levels: of a still shot hardly any pixel differs by more between two frames
 STILL_SHARE = 0.99  # of the pixels
-_LARGE_AREA = 0.3  # of the picture
-_LEAST_STEP = 0.07  # 1 - correlation, across a cut between shots that are composed alike,
+LARGE_AREA = 0.3  # of the picture
+LEAST_STEP = 0.07  # 1 - correlation, across a cut between shots that are composed alike,
 TIMES = 6.0  # and so many times that between the frames beside it
 LEAST_FRAMES = 3  # what is shorter is a part of a transition
 
@@ -265,12 +265,12 @@ def _faint_cuts(pictures: Sequence[UInt8[np.ndarray, "h w"]]) -> list[int]:
     stack = np.stack(pictures).astype(np.float32)
     area = (np.abs(np.diff(stack, axis=0)) > LEAST_CHANGE).mean(axis=(1, 2))
     cuts = []
-    for t in (np.flatnonzero(area > _LARGE_AREA) + 1).tolist():
+    for t in (np.flatnonzero(area > LARGE_AREA) + 1).tolist():
         near = [thumbnail(picture) for picture in pictures[max(0, t - 2) : t + 2]]
         middle = min(t, 2)
         unlike = [1 - best_correlation(a, b) for a, b in pairwise(near)]
         step = unlike.pop(middle - 1)
-        if step > _LEAST_STEP and TIMES * max(unlike, default=0.0) < step:
+        if step > LEAST_STEP and TIMES * max(unlike, default=0.0) < step:
             cuts.append(t)
     return cuts
 
@@ -290,8 +290,8 @@ def _without_overlap(transitions: Sequence[Transition]) -> list[Transition]:
 
 def _is_still(thumbs: UInt8[np.ndarray, "T h w"]) -> bool:
     """Whether no frame differs from the middle one by more than coding does."""
-    if thumbs[0].std() < _BLANK:
+    if thumbs[0].std() < BLANK:
         return True
     middle = thumbs[len(thumbs) // 2].astype(np.float32)
     change = np.quantile(np.abs(thumbs - middle), STILL_SHARE, axis=(1, 2))
-    return bool(change.max() < _STILL)
+    return bool(change.max() < STILL)

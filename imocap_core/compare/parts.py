@@ -247,7 +247,14 @@ def chance_of(first: Each, second: Each, rng: np.random.Generator) -> Chance:
     least = alike / comb(ours + theirs, ours)
     if min(ours, theirs) == 0 or ours + theirs < 3 or not x.size:
         return Chance(dict.fromkeys(first, 1.0), 1.0)
-    # of_first: 1 where a performance is in the first set; the division at hand first
+    statistic = _statistics(x, _divisions(ours, theirs, rng))
+    reached = statistic.max(axis=1, keepdims=True) >= statistic[0] - 1e-9
+    p = reached.mean(axis=0).tolist()
+    return Chance(dict(zip(first, p, strict=True)), least)
+
+
+def _divisions(ours: int, theirs: int, rng: np.random.Generator) -> Float[np.ndarray, "L M"]:
+    """1 where a performance is in the first set; the division at hand first."""
     count = ours + theirs
     if comb(count, ours) <= MOST_DIVISIONS:
         rows = np.array([*combinations(range(count), ours)])
@@ -256,10 +263,7 @@ def chance_of(first: Each, second: Each, rng: np.random.Generator) -> Chance:
         rows = np.array([np.arange(ours), *drawn])
     of_first = np.zeros((len(rows), count))
     np.put_along_axis(of_first, rows, 1.0, axis=1)
-    statistic = _statistics(x, of_first)
-    reached = statistic.max(axis=1, keepdims=True) >= statistic[0] - 1e-9
-    p = reached.mean(axis=0).tolist()
-    return Chance(dict(zip(first, p, strict=True)), least)
+    return of_first
 
 
 def _statistics(

@@ -78,14 +78,7 @@ def python_for(packages: Path, announce: Announce, kind: Environment = DETECTION
     folder = environment_folder(kind)
     _must_be_private(folder, kind)
     if not _is_installed(folder, packages):
-        if not _python(folder).exists():
-            announce(f"making {folder}")
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            _run([str(_base(kind)), *MODULE, "venv", str(folder)], folder, packages, kind)
-        announce(f"installing {packages.stem} into {folder} (once, {kind.size})")
-        pip = [str(_python(folder)), *MODULE, "pip", "install", "--no-deps", "-r", str(packages)]
-        _run([*pip, "--quiet", "--disable-pip-version-check"], folder, packages, kind)
-        _stamp(folder, packages).write_bytes(packages.read_bytes())
+        _make(folder, packages, announce, kind)
     return _python(folder)
 
 
@@ -129,6 +122,17 @@ def _stamp(folder: Path, packages: Path) -> Path:
 def _is_installed(folder: Path, packages: Path) -> bool:
     stamp = _stamp(folder, packages)
     return stamp.is_file() and stamp.read_bytes() == packages.read_bytes()
+
+
+def _make(folder: Path, packages: Path, announce: Announce, kind: Environment) -> None:
+    if not _python(folder).exists():
+        announce(f"making {folder}")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        _run([str(_base(kind)), *MODULE, "venv", str(folder)], folder, packages, kind)
+    announce(f"installing {packages.stem} into {folder} (once, {kind.size})")
+    pip = [str(_python(folder)), *MODULE, "pip", "install", "--no-deps", "-r", str(packages)]
+    _run([*pip, "--quiet", "--disable-pip-version-check"], folder, packages, kind)
+    _stamp(folder, packages).write_bytes(packages.read_bytes())
 
 
 def _base(kind: Environment) -> Path:

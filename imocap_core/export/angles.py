@@ -43,12 +43,7 @@ def export_angles(result: ActionResult, out: Path) -> Exported:
         picture = folder / "angles.png"
         with quiet():
             save(angle_figure(result.action, mean.phase_s, mean.curves), picture)
-        curves = {name: without_steps(curve) for name, curve in mean.curves.items()}
-        events = angle_events(curves, {name: curve.sd_deg for name, curve in mean.curves.items()})
-        events.sort(key=lambda event: event.index)
-        file, unknown = folder / "mean_events.csv", np.full(len(mean.phase_s), np.nan)
-        write_events_csv(file, events, mean.phase_s, unknown, mean.phase_s)
-        return [*files, _mean_table(folder, mean), file, picture]
+        return [*files, _mean_table(folder, mean), _mean_events(folder, mean), picture]
 
     return Exported(write_export(out, "angles", notes_of(level, FORMAT), write), [])
 
@@ -70,6 +65,16 @@ def _video_tables(folder: Path, video: VideoResult, tilt_sd_deg: float) -> list[
     moments = (columns["time_s"], columns["frame"], columns["phase_s"])
     write_events_csv(events, video_events(video, angles, UP), *moments)
     return [table, events]
+
+
+def _mean_events(folder: Path, mean: MeanAngles) -> Path:
+    """The turning points of the mean angles; their standard deviations are over performances."""
+    curves = {name: without_steps(curve) for name, curve in mean.curves.items()}
+    events = angle_events(curves, {name: curve.sd_deg for name, curve in mean.curves.items()})
+    events.sort(key=lambda event: event.index)
+    file, unknown = folder / "mean_events.csv", np.full(len(mean.phase_s), np.nan)
+    write_events_csv(file, events, mean.phase_s, unknown, mean.phase_s)
+    return file
 
 
 def _mean_table(folder: Path, mean: MeanAngles) -> Path:

@@ -43,7 +43,7 @@ from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 
 MM = 1000.0
-_CONTACT = {"contact_begin": "Foot Strike", "contact_end": "Foot Off"}
+CONTACT = {"contact_begin": "Foot Strike", "contact_end": "Foot Off"}
 CHUNK = 64  # frames whose surface is computed at once
 COMPONENTS = {"pelvis": ("tilt", "obliquity", "rotation")}  # X, Y, Z; else in the joint's order
 
@@ -56,10 +56,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     surface = _surface_points_m(video)
     markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
     angles, about = _angle_points(video, up)
-    # the first frame in the file, from 1; 1 where frames are no even steps
-    steps = np.diff(video.frames)
-    whole = len(steps) == 0 or bool(np.all(steps == 1))
-    first = int(video.frames[0]) + 1 if whole and float(video.frames[0]).is_integer() else 1
+    first = _first_frame(video)
     return C3dTrial(
         subject=video.performer or video.action,
         up=up,
@@ -70,7 +67,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
         angles_deg={label: values * shown[:, None] for label, values in angles.items()},
         descriptions=dict.fromkeys(surface, "surface marker") | about,
         events=[
-            C3dEvent(_CONTACT[e.kind], e.name.capitalize(), (first - 1 + e.index) / video.fps)
+            C3dEvent(CONTACT[e.kind], e.name.capitalize(), (first - 1 + e.index) / video.fps)
             for e in video_motion.contact_events(video, up)
             if video.inside[round(e.index)]
         ],
@@ -120,8 +117,15 @@ def _angle_points(
     return points, about
 
 
-_SEGMENT_OF_JOINT = {joint: segment_of_joint(joint) for joint in SMPL_JOINTS}
-_JOINT_MARKERS = tuple(joint for joint, segment in _SEGMENT_OF_JOINT.items() if segment is not None)
+def _first_frame(video: VideoResult) -> int:
+    """The number, from 1, of the first frame in the file; 1 where frames are no even steps."""
+    steps = np.diff(video.frames)
+    whole = len(steps) == 0 or bool(np.all(steps == 1))
+    return int(video.frames[0]) + 1 if whole and float(video.frames[0]).is_integer() else 1
+
+
+SEGMENT_OF_JOINT = {joint: segment_of_joint(joint) for joint in SMPL_JOINTS}
+JOINT_MARKERS = tuple(joint for joint, segment in SEGMENT_OF_JOINT.items() if segment is not None)
 
 
 def write_opensim(out: Path, result: ActionResult) -> list[Path]:
@@ -137,7 +141,7 @@ def _files(out: Path, video: VideoResult) -> list[Path]:
     rest_m = video_motion.rest_joints_m(video)
     links = linkage(rest_m)
     mass_kg = _write_model(model, video, links, rest_m)
-    joints = {j: video.body_joints[:, SMPL_JOINTS.index(j)] for j in _JOINT_MARKERS}
+    joints = {j: video.body_joints[:, SMPL_JOINTS.index(j)] for j in JOINT_MARKERS}
     paths_mm = {n: MM * to_ground(p) for n, p in (joints | _surface_points_m(video)).items()}
     start = round(float(video.frames[0]))
     write_markers(markers, paths_mm, video.fps, start)
@@ -161,8 +165,8 @@ def _write_model(
     owners = [body.joint_names[k] for k in body.weights.argmax(dim=1).tolist()]
     masses = segment_masses(links, vertices, body.faces.numpy(), owners)
     markers: dict[str, Place] = {}
-    for joint in _JOINT_MARKERS:
-        segment = str(_SEGMENT_OF_JOINT[joint])
+    for joint in JOINT_MARKERS:
+        segment = str(SEGMENT_OF_JOINT[joint])
         markers[joint] = segment, links[segment].local_m(rest_m[SMPL_JOINTS.index(joint)])
     of = surface_markers()
     for name, vertex in _surface_vertices(video).items():

@@ -30,7 +30,7 @@ from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_motion import shaped_body
 
-_LONGER_PX = 480  # side of the pictures
+LONGER_PX = 480  # side of the pictures
 JPEG_QUALITY = 75
 SECOND = foxglove.SECOND
 
@@ -119,7 +119,7 @@ def _filmed_frames(result: ActionResult, video: VideoResult) -> Iterator[_Filmed
         WorkFailed: the video of which the action tells is not there.
     """
     camera, detected = camera_of(video), video.keypoints
-    scale = min(1.0, _LONGER_PX / max(camera.size))
+    scale = min(1.0, LONGER_PX / max(camera.size))
     size = (round(scale * camera.size[0]), round(scale * camera.size[1]))
     smaller = np.diag([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])
     used = detected.frames
@@ -165,8 +165,8 @@ def _pictures(
             yield t, data.tobytes()
 
 
-_WORLD_SHARE = 3, 2  # of the window's width, and that of the pictures
-_JOINT_M, _BONE_M, _KEYPOINT_PX = 0.02, 0.01, 3.0  # radii
+WORLD_SHARE = 3, 2  # of the window's width, and that of the pictures
+JOINT_M, BONE_M, KEYPOINT_PX = 0.02, 0.01, 3.0  # radii
 
 
 def write_rrd(out: Path, result: ActionResult) -> list[Path]:
@@ -198,7 +198,7 @@ def _layout(videos: list[str]) -> Any:
     rrb: Any = _library("rerun.blueprint")
     pictures = [rrb.Spatial2DView(origin=f"/{v}/camera", name=v) for v in videos]
     world = rrb.Spatial3DView(origin="/", name="world")
-    columns = rrb.Horizontal(world, rrb.Grid(*pictures), column_shares=_WORLD_SHARE)
+    columns = rrb.Horizontal(world, rrb.Grid(*pictures), column_shares=WORLD_SHARE)
     return rrb.Blueprint(columns, collapse_panels=True)
 
 
@@ -208,8 +208,8 @@ def _log_body(rr: Any, recording: Any, video: VideoResult, colour: tuple[float, 
     bones = [(parent, j) for j, parent in enumerate(clip.parents) if parent >= 0]
     for time, joints in zip(_times_ns(video), clip.joints, strict=True):
         recording.set_time("time", duration=time / SECOND)
-        recording.log(f"/{video.id}/joints", rr.Points3D(joints, colors=colour, radii=_JOINT_M))
-        strips = rr.LineStrips3D(joints[bones], colors=colour, radii=_BONE_M)
+        recording.log(f"/{video.id}/joints", rr.Points3D(joints, colors=colour, radii=JOINT_M))
+        strips = rr.LineStrips3D(joints[bones], colors=colour, radii=BONE_M)
         recording.log(f"/{video.id}/bones", strips)
 
 
@@ -224,7 +224,7 @@ def _log_camera(
         recording.log(topic, place, rr.Pinhole(image_from_camera=frame.K, resolution=frame.size))
         if frame.xy_px is not None:
             xy = frame.xy_px[np.isfinite(frame.xy_px).all(-1)]
-            points = rr.Points2D(xy, colors=colour, radii=_KEYPOINT_PX)
+            points = rr.Points2D(xy, colors=colour, radii=KEYPOINT_PX)
             recording.log(f"{topic}/keypoints", points)
         if frame.jpeg is not None:
             picture = rr.EncodedImage(contents=frame.jpeg, media_type="image/jpeg")

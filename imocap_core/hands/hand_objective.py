@@ -378,14 +378,7 @@ def prior_cost(
     wrist = vectors / weights.wrist_rad
     turn = torch.linalg.inv(right_jacobian(vectors)) / weights.wrist_rad
     offset = state.offset_m.flatten(2) / weights.offset_m
-    # (25, 21): each angle by its spread, and the end joints against those before them
-    rows = [*torch.diag(1 / skeleton.spread)]
-    for f in range(4):
-        row = torch.zeros_like(skeleton.spread)
-        bend2, bend3 = (ANGLE_NAMES.index(n) for n in ANGLE_NAMES[4 * f + 2 : 4 * f + 4])
-        row[bend3], row[bend2] = 1 / _END_SPREAD_RAD, -_END_SHARE / _END_SPREAD_RAD
-        rows.append(row)
-    pose = torch.stack(rows) * weights.pose_prior
+    pose = _pose_rows(state.angles, skeleton.spread) * weights.pose_prior
     rest = state.angles @ pose.T
     over = torch.relu(state.angles - skeleton.upper) - torch.relu(skeleton.lower - state.angles)
     over = over / weights.limit_rad
@@ -403,6 +396,17 @@ def prior_cost(
         normal.gradient[..., 24:] += u * offset / weights.offset_m
     total = sum((x**2).sum(-1) for x in (wrist, offset, rest, over))
     return (used * total).sum(1)
+
+
+def _pose_rows(angles: Tensor, spread: Tensor) -> Tensor:
+    """(25, 21): each angle by its spread, and the end joints against those before them."""
+    rows = [*torch.diag(1 / spread)]
+    for f in range(4):
+        row = torch.zeros_like(spread)
+        bend2, bend3 = (ANGLE_NAMES.index(n) for n in ANGLE_NAMES[4 * f + 2 : 4 * f + 4])
+        row[bend3], row[bend2] = 1 / _END_SPREAD_RAD, -_END_SHARE / _END_SPREAD_RAD
+        rows.append(row)
+    return torch.stack(rows)
 
 
 def smooth_cost(

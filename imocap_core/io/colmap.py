@@ -68,21 +68,9 @@ def reconstruct(
             _two_view_options(pycolmap),
         )
         for angle in FIRST_ANGLES_DEG:
-            options = pycolmap.IncrementalPipelineOptions()
-            options.num_threads, options.random_seed = 1, SEED
-            options.multiple_models, options.extract_colors = False, False
-            options.min_model_size = 3
-            options.ba_refine_focal_length = refine_focal
-            options.ba_refine_extra_params = False
-            options.mapper.init_min_num_inliers = 30
-            options.mapper.init_max_error = options.mapper.filter_max_reproj_error = ERROR_PX
-            options.mapper.init_min_tri_angle = angle
-            options.mapper.ba_local_min_tri_angle = angle
-            options.mapper.filter_min_tri_angle = options.triangulation.min_angle = ANGLE_DEG
-            options.mapper.abs_pose_max_error = 2 * ERROR_PX
-            options.mapper.abs_pose_refine_focal_length = refine_focal
-            options.mapper.num_threads, options.mapper.random_seed = 1, SEED
-            models = pycolmap.incremental_mapping(database, folder, folder, options)
+            models = pycolmap.incremental_mapping(
+                database, folder, folder, _options(pycolmap, angle, refine_focal)
+            )
             if models:
                 largest = max(models.values(), key=lambda model: model.num_reg_images())
                 return _structure(largest, keys, visible)
@@ -134,6 +122,24 @@ def _two_view_options(pycolmap: Any) -> Any:
     options.ransac.max_error = ERROR_PX
     options.ransac.random_seed = SEED
     options.detect_watermark = False
+    return options
+
+
+def _options(pycolmap: Any, first_angle_deg: float, refine_focal: bool) -> Any:
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads, options.random_seed = 1, SEED
+    options.multiple_models, options.extract_colors = False, False
+    options.min_model_size = 3
+    options.ba_refine_focal_length = refine_focal
+    options.ba_refine_extra_params = False
+    options.mapper.init_min_num_inliers = 30
+    options.mapper.init_max_error = options.mapper.filter_max_reproj_error = ERROR_PX
+    options.mapper.init_min_tri_angle = first_angle_deg
+    options.mapper.ba_local_min_tri_angle = first_angle_deg
+    options.mapper.filter_min_tri_angle = options.triangulation.min_angle = ANGLE_DEG
+    options.mapper.abs_pose_max_error = 2 * ERROR_PX
+    options.mapper.abs_pose_refine_focal_length = refine_focal
+    options.mapper.num_threads, options.mapper.random_seed = 1, SEED
     return options
 
 

@@ -108,22 +108,14 @@ def lift(
         torch.as_tensor(confidence, dtype=torch.float32, device=device)[frame] * inside[..., None]
     )
     output = _outputs(network, xy, trust)
-    # weights are largest in the middle of a window, where estimates are best; 0 outside the video
-    middle = (WINDOW - 1) / 2
-    away = (torch.arange(WINDOW, device=inside.device) - middle).abs() / middle
-    weight = (1.05 - away) * inside
+    weight = _blending_weights(inside)
     joints = _blend(output.joints, weight, frame, frames)
     variance = _blend(output.log_variance.exp()[..., None], weight, frame, frames)[..., 0]
     first = window[:, 0] % stride == window[0, 0] % stride  # one phase is enough here
     stitched = stitch_alternatives(output.joints[first], output.alternatives[first], HOP)
     coarse = _blend(stitched, weight[first], frame[first], frames)
     covered = np.unique(frame[first][inside[first]].cpu().numpy())
-    # linear to all frames, constant beyond the ends
-    values = coarse[covered]
-    flat = values.reshape(len(values), -1)
-    every = np.arange(frames)
-    columns = np.stack([np.interp(every, covered, column) for column in flat.T], axis=1)
-    alternative = columns.reshape(frames, *values.shape[1:])
+    alternative = _interpolate(coarse[covered], covered, frames)
     return Lifted(joints, np.sqrt(variance), alternative, np.asarray((confidence > 0).any(1)))
 
 
@@ -191,6 +183,13 @@ def _average(plain: LifterOutput, mirrored: LifterOutput) -> LifterOutput:
     )
 
 
+def _blending_weights(inside: Bool[Tensor, "B L"]) -> Float[Tensor, "B L"]:
+    """Largest in the middle of a window, where estimates are best; 0 outside the video."""
+    middle = (WINDOW - 1) / 2
+    away = (torch.arange(WINDOW, device=inside.device) - middle).abs() / middle
+    return (1.05 - away) * inside
+
+
 def _blend(
     values: Float[Tensor, "B L *item"],
     weight: Float[Tensor, "B L"],
@@ -204,6 +203,16 @@ def _blend(
     summed = flat.new_zeros(frames, *flat.shape[1:]).index_add_(0, frame.flatten(), weighted)
     mean = summed / total.clamp_min(1e-9).view(-1, *[1] * (flat.ndim - 1))
     return mean.double().cpu().numpy()
+
+
+def _interpolate(
+    values: Float[np.ndarray, "N *item"], at_frames: Int64[np.ndarray, " N"], frames: int
+) -> Float[np.ndarray, "T *item"]:
+    """Linear interpolation over time to all frames, constant beyond the ends."""
+    flat = values.reshape(len(values), -1)
+    every = np.arange(frames)
+    columns = np.stack([np.interp(every, at_frames, column) for column in flat.T], axis=1)
+    return columns.reshape(frames, *values.shape[1:])
 
 
 def _check(rays: np.ndarray, confidence: np.ndarray, fps: float) -> None:

@@ -96,9 +96,7 @@ def turns_above_ground(
     elevation = np.arcsin(np.clip(direction @ up, -1.0, 1.0))
     lift = np.maximum(np.arcsin(least) - elevation, 0.0)
     share = np.minimum(lift / RESTING_RAD, 1.0)[:, None]
-    vectors = direction + BACKWARDS * share * back
-    level = vectors - (vectors @ up)[:, None] * up
-    ahead = np.asarray(level / np.maximum(np.linalg.norm(level, axis=-1, keepdims=True), 1e-9))
+    ahead = _level(direction + BACKWARDS * share * back, up)
     angle = (elevation + lift)[:, None]
     raised = _between(direction, np.cos(angle) * ahead + np.sin(angle) * up)
     raised = np.where((lift > 0)[:, None, None], raised, np.eye(3))
@@ -108,6 +106,12 @@ def turns_above_ground(
     roll = np.arctan2(sine, (palm * down).sum(-1))
     rolled = Rotation.from_rotvec(share * roll[:, None] * along).as_matrix()
     return np.asarray(rolled @ raised)
+
+
+def _level(vectors: Float[np.ndarray, "T 3"], up: Float[np.ndarray, "3"]) -> np.ndarray:
+    """Unit vectors (T, 3) of the horizontal parts."""
+    level = vectors - (vectors @ up)[:, None] * up
+    return np.asarray(level / np.maximum(np.linalg.norm(level, axis=-1, keepdims=True), 1e-9))
 
 
 def _between(a: Float[np.ndarray, "T 3"], b: Float[np.ndarray, "T 3"]) -> np.ndarray:

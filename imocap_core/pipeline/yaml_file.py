@@ -94,16 +94,7 @@ def edited_text(text: str, change: Change) -> str:
     lines_end = "\r\n" if "\r\n" in text else "\n"
     plain = text.replace("\r\n", "\n")
     try:
-        yaml = YAML()
-        yaml.preserve_quotes = True
-        yaml.width = WHOLE_LINES
-        _, sequence, offset = load_yaml_guess_indent(plain)
-        if sequence is not None:
-            yaml.indent(mapping=2, sequence=max(sequence, (offset or 0) + 2), offset=offset or 0)
-        yaml.representer.add_representer(
-            type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
-        )
-        document = yaml.load(plain)
+        yaml, document = _round_trip(plain)
         before = _dump(yaml, document)
         change(document)
         after = _dump(yaml, document)
@@ -117,6 +108,20 @@ def edited_text(text: str, change: Change) -> str:
 
 def _refusal(reason: str) -> str:
     return f"action.yaml cannot be changed from here ({' '.join(reason.split())[:200]}); edit it"
+
+
+def _round_trip(text: str) -> tuple[YAML, Any]:
+    """A reader and writer with the indents of a text, and its document."""
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = WHOLE_LINES
+    _, sequence, offset = load_yaml_guess_indent(text)
+    if sequence is not None:
+        yaml.indent(mapping=2, sequence=max(sequence, (offset or 0) + 2), offset=offset or 0)
+    yaml.representer.add_representer(
+        type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null")
+    )
+    return yaml, yaml.load(text)
 
 
 def _dump(yaml: YAML, document: Any) -> str:

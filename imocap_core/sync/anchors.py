@@ -149,20 +149,25 @@ def anchored_distances(
     squares = dict(distances.squares)
     for (i, j), block in distances.squares.items():
         for a, b in ((i, j), (j, i)):
-            points = []
-            for anchor in hints.anchors:
-                from_a = anchor.from_video(a)
-                if from_a is not None and from_a[1] == b:
-                    points.append(AnchorPoint(from_a[0], from_a[2], anchor.hard))
             block = anchored_squares(
                 block,
-                points,
+                _points_between(hints, a, b),
                 matched_square=distances.matched_square,
                 nat=square_per_nat(distances.matched_square, fps[a], evidence_per_s),
                 fps_to=fps[b],
             ).T
         squares[i, j] = block
     return replace(distances, squares=squares)
+
+
+def _points_between(hints: Hints, a: int, b: int) -> list[AnchorPoint]:
+    """The anchors of video a in video b."""
+    points = []
+    for anchor in hints.anchors:
+        from_a = anchor.from_video(a)
+        if from_a is not None and from_a[1] == b:
+            points.append(AnchorPoint(from_a[0], from_a[2], anchor.hard))
+    return points
 
 
 def square_per_nat(matched_square: float, fps: float, evidence_per_s: float) -> float:

@@ -97,10 +97,7 @@ def aim_camera(
     centre = middle * (1, 1, 0) + view.distance_m * outward + (0, 0, view.height_m)
     slow = gaussian_filter1d(path, _FOLLOW_S * fps, axis=0, mode="nearest")
     target = middle + view.follow * (slow - middle)
-    # smooth random pan, less tilt and little roll
-    knots = max(4, round(frames / fps / _WANDER_KNOT_S) + 2)
-    values = view.wander_deg * np.clip(rng.normal(size=(knots, 3)), -2, 2) * (1.0, 0.4, 0.2)
-    shake = CubicSpline(np.linspace(0, frames - 1, knots), values)(np.arange(frames))
+    shake = _wander(frames, fps, view.wander_deg, rng)
     R = np.stack(
         [
             look_at(centre, aim, view.roll_deg + s[2], s[:2])
@@ -133,3 +130,12 @@ def look_at(
         [[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
     )
     return about_z @ about_x @ about_y @ upright
+
+
+def _wander(
+    frames: int, fps: float, sigma_deg: float, rng: np.random.Generator
+) -> Float[np.ndarray, "T 3"]:
+    """Smooth random pan, less tilt and little roll, degrees."""
+    knots = max(4, round(frames / fps / _WANDER_KNOT_S) + 2)
+    values = sigma_deg * np.clip(rng.normal(size=(knots, 3)), -2, 2) * (1.0, 0.4, 0.2)
+    return CubicSpline(np.linspace(0, frames - 1, knots), values)(np.arange(frames))

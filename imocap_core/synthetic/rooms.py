@@ -168,19 +168,12 @@ def room(kind: int, azimuth_deg: float, rng: np.random.Generator) -> list[Surfac
     floor, walls = _materials(kind, floor_shape, [wall_shape, side_shape, side_shape], rng)
     far_left = depth * back - half * right
     far_right = depth * back + half * right
-    # a yoga mat under the performer, 4 mm above the floor
-    length, width = 2.2, 0.75
-    shape = (int(length * PX_PER_M), int(width * PX_PER_M))
-    color = (int(rng.integers(60, 120)), int(rng.integers(60, 110)), int(rng.integers(110, 170)))
-    weave = tinted(noise(shape, 5, 2, rng), color, 0.25)
-    cv2.rectangle(weave, (6, 6), (shape[1] - 7, shape[0] - 7), (210, 205, 195), 2)
-    corner = np.array([-width / 2, 1.3, 0.004])
     return [
         Surface(floor, far_left, right, -back),
         Surface(walls[0], far_left + high * up, right, -up),
         Surface(walls[1], far_left - (depth + front) * back + high * up, back, -up),
         Surface(walls[2], far_right + high * up, -back, -up),
-        Surface(weave, corner, np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])),
+        _mat(rng),
     ]
 
 
@@ -202,6 +195,17 @@ def _materials(
     ground = tinted(noise(floor, 18, 5, rng), (88, 122, 62), 0.6)
     sides = [bricks(w, (34, 62), (150, 146, 136), (96, 100, 92), rng, 0.3) for w in walls]
     return ground, [hang_pictures(side, 4, rng) for side in sides]
+
+
+def _mat(rng: np.random.Generator) -> Surface:
+    """A yoga mat under the performer, 4 mm above the floor."""
+    length, width = 2.2, 0.75
+    shape = (int(length * PX_PER_M), int(width * PX_PER_M))
+    color = (int(rng.integers(60, 120)), int(rng.integers(60, 110)), int(rng.integers(110, 170)))
+    weave = tinted(noise(shape, 5, 2, rng), color, 0.25)
+    cv2.rectangle(weave, (6, 6), (shape[1] - 7, shape[0] - 7), (210, 205, 195), 2)
+    corner = np.array([-width / 2, 1.3, 0.004])
+    return Surface(weave, corner, np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]))
 
 
 def render_plate(surfaces: list[Surface], camera: FilmCamera, size: tuple[int, int]) -> Plate:

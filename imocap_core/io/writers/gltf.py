@@ -129,6 +129,19 @@ class Numbers:
         return len(self.accessors) - 1
 
 
+def _glb_bytes(tree: Mapping[str, Any], numbers: Numbers) -> bytes:
+    """The file: a header, the JSON chunk, the binary chunk, each padded to four bytes."""
+    block = bytes(numbers.data) + bytes(-len(numbers.data) % 4)
+    whole = dict(tree)
+    whole["accessors"], whole["bufferViews"] = numbers.accessors, numbers.views
+    whole["buffers"] = [{"byteLength": len(numbers.data)}]
+    text = json.dumps(whole, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I", len(text)) + JSON_CHUNK + text
+    chunks += struct.pack("<I", len(block)) + BINARY_CHUNK + block
+    return MAGIC + struct.pack("<II", VERSION, 12 + len(chunks)) + chunks
+
+
 Colour = tuple[float, float, float]  # linear light, 0 to 1
 Tree = dict[str, Any]
 
@@ -169,16 +182,7 @@ def scene_bytes(actors: Sequence[Actor], notes: Mapping[str, Any]) -> bytes:
         _add_camera(tree, animation, actor.camera)
         animations.append((actor.clip.id, animation.tree))
     tree["animations"] = _animations(animations)
-    # a header, the JSON chunk, the binary chunk, each padded to four bytes
-    block = bytes(numbers.data) + bytes(-len(numbers.data) % 4)
-    whole = dict(tree)
-    whole["accessors"], whole["bufferViews"] = numbers.accessors, numbers.views
-    whole["buffers"] = [{"byteLength": len(numbers.data)}]
-    text = json.dumps(whole, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I", len(text)) + JSON_CHUNK + text
-    chunks += struct.pack("<I", len(block)) + BINARY_CHUNK + block
-    return MAGIC + struct.pack("<II", VERSION, 12 + len(chunks)) + chunks
+    return _glb_bytes(tree, numbers)
 
 
 def quaternions(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 4"]:

@@ -40,20 +40,7 @@ def write_osim(
     model = _add(document, "Model", name, units)
     bodies, joints = _objects(model, "BodySet"), _objects(model, "JointSet")
     for link in links.values():
-        # where the third axis is again the first, two joints
-        parent = "/ground" if link.parent is None else f"/bodyset/{link.parent}"
-        axes = [(c.name, c.axis) for c in link.rotations]
-        if len(axes) == 3 and abs(axes[0][1] @ axes[2][1]) > 0.99:
-            between = f"{link.joint}_plane_and_elevation"
-            inertia = _numbers(np.r_[[SMALL_KG_M2] * 3, np.zeros(3)])
-            fields = {"mass": str(SMALL_KG), "mass_center": "0 0 0", "inertia": inertia}
-            _add(bodies, "Body", between, fields)
-            _joint(joints, between, (parent, link.place_m), between, axes[:2], link.translations)
-            inner = (f"/bodyset/{between}", np.zeros(3))
-            _joint(joints, link.joint, inner, link.segment, axes[2:], ())
-        else:
-            place = (parent, link.place_m)
-            _joint(joints, link.joint, place, link.segment, axes, link.translations)
+        _joints(bodies, joints, link)
         _body(bodies, link.segment, masses[link.segment])
     _add_markers(model, markers)
     _write_document(file, document)
@@ -97,6 +84,23 @@ def _body(bodies: Element, name: str, mass: SegmentMass) -> None:
     SubElement(body, "mass").text = f"{mass.mass_kg:.4f}"
     SubElement(body, "mass_center").text = _numbers(mass.centre_m)
     SubElement(body, "inertia").text = _numbers(np.r_[mass.inertia_kg_m2, np.zeros(3)])
+
+
+def _joints(bodies: Element, joints: Element, link: Link) -> None:
+    """The joint of a link; where the third axis is again the first, two joints."""
+    parent = "/ground" if link.parent is None else f"/bodyset/{link.parent}"
+    axes = [(c.name, c.axis) for c in link.rotations]
+    if len(axes) == 3 and abs(axes[0][1] @ axes[2][1]) > 0.99:
+        between = f"{link.joint}_plane_and_elevation"
+        inertia = _numbers(np.r_[[SMALL_KG_M2] * 3, np.zeros(3)])
+        fields = {"mass": str(SMALL_KG), "mass_center": "0 0 0", "inertia": inertia}
+        _add(bodies, "Body", between, fields)
+        _joint(joints, between, (parent, link.place_m), between, axes[:2], link.translations)
+        inner = (f"/bodyset/{between}", np.zeros(3))
+        _joint(joints, link.joint, inner, link.segment, axes[2:], ())
+    else:
+        place = (parent, link.place_m)
+        _joint(joints, link.joint, place, link.segment, axes, link.translations)
 
 
 def _joint(

@@ -130,11 +130,7 @@ def detect_people(
     values, logits = network(given)
     confidence = sigmoid(logits[:, 0])
     likely = confidence >= least_confidence
-    # centre, size and points (N, 12), pixels of the input about the anchors
-    centres = anchors()[likely]
-    rows = values[likely].astype(float).reshape(-1, 6, 2) / PERSON_SIZE
-    middle, half = rows[:, 0] + centres, rows[:, 1] / 2
-    boxes, points = np.stack([middle - half, middle + half], axis=1), rows[:, 2:] + centres[:, None]
+    boxes, points = _decode_person(values[likely], anchors()[likely])
     people = []
     for best, share in _groups(boxes, confidence[likely]):
         centre, rim = view.in_picture(np.tensordot(share, points, 1))[:2]
@@ -150,6 +146,14 @@ def anchors() -> np.ndarray:
         y, x = np.meshgrid(centres, centres, indexing="ij")
         layers.append(np.repeat(np.stack([x, y], axis=-1).reshape(-1, 2), count, axis=0))
     return np.concatenate(layers)
+
+
+def _decode_person(values: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes (N, 2, 2), upper left and lower right corner, and points (N, 4, 2) of the values
+    (N, 12): centre, size and points, pixels of the input about the anchors."""
+    rows = values.astype(float).reshape(-1, 6, 2) / PERSON_SIZE
+    middle, half = rows[:, 0] + centres, rows[:, 1] / 2
+    return np.stack([middle - half, middle + half], axis=1), rows[:, 2:] + centres[:, None]
 
 
 def _groups(boxes: np.ndarray, confidence: np.ndarray) -> list[tuple[int, np.ndarray]]:
