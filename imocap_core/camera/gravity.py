@@ -304,8 +304,8 @@ class _Stance:
 
 
 def _trunk_in_depth(body: FilmedBody) -> Cost:
-    """What the trunk tells where no video shows the feet: it leans to or from the camera little, or
-    as it may; how it leans aside the picture shows, and does not tell the camera's roll."""
+    """Evidence of the trunk where no video shows the feet: upright in depth, or in any direction.
+    Its lean across the picture is seen, and says nothing of the camera's roll."""
     R = body.R_cam_from_world
     support = support_of(body.joints[body.whole], body.fps, MOMENTS)
     any_way = 2 * np.log(2 / np.radians(TRUNK_DEG) ** 2)  # its density against the whole sphere's

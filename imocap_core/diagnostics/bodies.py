@@ -435,11 +435,11 @@ def speed_findings(
     return findings
 
 
-LEAP_M, LEAP_ALONE = 0.25, 2.0  # in a frame; so many times what is across, and before and after
+LEAP_M, LEAP_RATIO = 0.25, 2.0  # within a frame; to motion across the picture, and beside it
 
 
 def leap_findings(motions: Sequence[VideoMotion]) -> list[Finding]:
-    """Limbs that are in another depth from one frame to the next."""
+    """Limbs that jump in depth from one frame to the next."""
     return [
         Finding(
             "body",
@@ -458,10 +458,10 @@ def leap_findings(motions: Sequence[VideoMotion]) -> list[Finding]:
 
 
 def _leaps_m(joints: Float[np.ndarray, "T 24 3"], names: Sequence[str]) -> Float[np.ndarray, " S"]:
-    """Length of steps of any of some joints (camera axes) in depth alone, 0 where there is none."""
+    """Length of each frame's step in depth of any of some joints (camera axes); 0 for no jump."""
     columns = [SMPL_JOINTS.index(name) for name in names]
     step = np.diff(joints[:, columns] - joints[:, :1], axis=0)
     length = np.linalg.norm(step, axis=-1)
     beside = np.pad(length, ((1, 1), (0, 0)))
     other = np.maximum(np.linalg.norm(step[..., :2], axis=-1), np.maximum(beside[:-2], beside[2:]))
-    return np.where((length > LEAP_M) & (length > LEAP_ALONE * other), length, 0.0).max(axis=1)
+    return np.where((length > LEAP_M) & (length > LEAP_RATIO * other), length, 0.0).max(axis=1)

@@ -35,8 +35,8 @@ LEAST_S = 0.5
 
 def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
     """Median over the videos' round trips and left-out differences, where that is doubtful over
-    those of videos that are not `predicted_videos`; None without any, or a third video. A whole
-    repetition is no difference: which of them is matched is told by `repetition_clause`."""
+    those of videos that are not `predicted_videos`; None without any, or a third video. Whole
+    repetitions do not count: `repetition_clause` tells of them."""
     if sync.trust is None or len(sync.used) < 3:
         return None
     period_s = _period_s(repeating_videos(sync))

@@ -330,7 +330,7 @@ def fit_deviations(
 
 
 def frames_lost(scene: Scene, state: MotionState, before: MotionState) -> Bool[Tensor, "B T"]:
-    """Where a fit turned a body away from keypoints that the motion before it explains."""
+    """Frames in which a fit turned the body away from keypoints that it explained before."""
     view = per_video_view(scene.observations, state.trans)
     after, then = (_unexplained(scene, view, motion) for motion in (state, before))
     return _smoothed(after - then, FACING_FRAMES) > LOST_SHARE
@@ -402,8 +402,8 @@ def _replaced(state: MotionState, by: MotionState, where: Bool[Tensor, "B T"]) -
 def at_video_frames(
     scene: Scene, state: MotionState, common: MotionState, targets: CouplingTargets
 ) -> MotionState:
-    """The common motion at every video's matched frames; unmatched ones move as in ``state``,
-    continuing the common motion, lest a limb jump to the other depth that its view leaves open."""
+    """The common motion at every video's matched frames. Unmatched ones continue it as ``state``
+    moves, so that no limb jumps to the other depth that its view leaves open."""
     matched = targets.trust > 0
     betas = torch.cat([common.of_performer(p).betas for p in scene.performers])
     place = targets.root - scene.body.model.shape(betas).joints_rest[:, 0][:, None]

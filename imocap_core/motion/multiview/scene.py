@@ -410,7 +410,7 @@ def consensus_motion(
     scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
 ) -> MotionState:
     """The mean motion of all videos at the reference's frames (batch of 1, world axes). Frames that
-    one video shows alone continue the others' mean: a limb does not jump to the other depth.
+    only one video shows continue from the last shared one, so that no limb jumps in depth.
 
     Args:
         state: every video's motion in its own camera's axes.

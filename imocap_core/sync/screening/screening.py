@@ -152,8 +152,8 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
     ]
     if screening.symmetric:
         messages.append(
-            "these videos do not tell whether one of them is mirrored, as of an action that is its "
-            "own mirror image: none is flipped (mirrored: true in action.yaml flips one)"
+            "these videos do not show whether one of them is mirrored (some actions are their own "
+            "mirror image): none is flipped; mirrored: true in action.yaml flips one"
         )
     left = len(names) - len(screening.excluded)
     if screening.excluded and left == 2:
