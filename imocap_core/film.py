@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
 from pathlib import Path
@@ -27,6 +27,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import Model, load_free_body
+from imocap_core.camera.background import filled_boxes
 from imocap_core.camera.projection import Lens, frame_projections
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.overlays import LIGHT, draw_keypoints
@@ -213,13 +214,15 @@ def synced_videos(
     sync: SyncSummary,
     files: Mapping[str, Path | None],
     paints: Mapping[str, Paint] | None = None,
+    part: slice = slice(None),
 ) -> list[SyncedVideo]:
     """The reference first, then the other videos named in `files` (None: there is no file).
 
-    The moments are those of `common_moments`. paints: what is painted over some videos.
+    The moments are those of `common_moments`, or a part of them. paints: what is painted over some
+    videos.
     """
     by_id = {v.id: v for v in keypoints.videos}
-    moments, fps = common_moments(keypoints, sync), by_id[sync.reference].fps
+    moments, fps = common_moments(keypoints, sync)[part], by_id[sync.reference].fps
     order = [sync.reference, *(i for i in sync.ids if i != sync.reference)]
     shown = [by_id[i] for i in order if i in files]
     shape = tile_shape(shown)
@@ -264,7 +267,7 @@ def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Float[np.ndar
     """Windows (T, 4) x0 y0 width height in pixels, of one size and the tile's proportions, that
     follow the performer slowly and don't leave the picture where they fit in."""
     height, width = shape
-    boxes = _bridged(video.person_box_px, video.size)
+    boxes = _boxes(video)
     needed = np.array(_sides(video)) * MARGIN
     scale = max(needed[0] / width, needed[1] / height)
     side = np.array([width, height]) * min(scale, max(np.array(video.size) / (width, height)))
@@ -282,12 +285,9 @@ def side_by_side(videos: Sequence[SyncedVideo], shape: tuple[int, int]) -> Itera
     rows, columns = grid_shape(len(videos))
     height, width = shape
     readers = [source_frames(video.file, video.frames, video.size) for video in videos]
+    size = (rows * (height + GAP_PX) - GAP_PX, columns * (width + GAP_PX) - GAP_PX)
     for moment in range(len(videos[0].frames)):
-        film = np.full(
-            (rows * (height + GAP_PX) - GAP_PX, columns * (width + GAP_PX) - GAP_PX, 3),
-            FRAME_RGB,
-            dtype=np.uint8,
-        )
+        film = np.full((*size, 3), FRAME_RGB, dtype=np.uint8)
         for number, (video, reader) in enumerate(zip(videos, readers, strict=True)):
             y, x = (height + GAP_PX) * (number // columns), (width + GAP_PX) * (number % columns)
             film[y : y + height, x : x + width] = tile(video, moment, next(reader), shape)
@@ -321,18 +321,15 @@ def tile(video: SyncedVideo, moment: int, picture: Image, shape: tuple[int, int]
 
 def _sides(video: VideoKeypoints) -> tuple[float, float]:
     """Width and height of the performer's box: their 95th percentiles."""
-    boxes = _bridged(video.person_box_px, video.size)
+    boxes = _boxes(video)
     width, height = np.quantile(boxes[:, 2:] - boxes[:, :2], 0.95, axis=0)
     return max(float(width), 1.0), max(float(height), 1.0)
 
 
-def _bridged(boxes: Float[np.ndarray, "T 4"], size: tuple[int, int]) -> Float[np.ndarray, "T 4"]:
-    """Boxes (T, 4), those missing between their neighbours in time; the picture if all are."""
-    visible = np.flatnonzero(np.isfinite(boxes).all(axis=1))
-    if not len(visible):
-        return np.tile(np.array([0.0, 0.0, *size]), (len(boxes), 1))
-    every = np.arange(len(boxes))
-    return np.stack([np.interp(every, visible, boxes[visible, k]) for k in range(4)], axis=1)
+def _boxes(video: VideoKeypoints) -> Float[np.ndarray, "T 4"]:
+    """The performer's, those missing between their neighbours in time; the picture if all are."""
+    boxes = filled_boxes(video.person_box_px)
+    return np.where(np.isfinite(boxes), boxes, (0, 0, *video.size))
 
 
 HEAD_PX, ROW_PX, ROW_GAP_PX, LABELS_PX = 46, 9, 4, 26
@@ -354,22 +351,10 @@ def lock_step(
     time axis, a frame at each of `common_moments`, or at a part of them; `paints`: what is painted
     over some videos."""
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-    videos = [part_of(video, part) for video in synced_videos(keypoints, sync, files, paints)]
+    videos = synced_videos(keypoints, sync, files, paints, part)
     film = side_by_side(videos, tile_shape([v for v in keypoints.videos if v.id in files]))
     title = f"{name}: {len(videos)} videos on one time axis"
     return framed(film, videos, common_moments(keypoints, sync)[part] / fps, title)
-
-
-def part_of(video: SyncedVideo, part: slice) -> SyncedVideo:
-    """The video at some of the moments."""
-    return replace(
-        video,
-        index=video.index[part],
-        frames=video.frames[part],
-        matched=video.matched[part],
-        confidence=video.confidence[part],
-        windows=video.windows[part],
-    )
 
 
 def framed(

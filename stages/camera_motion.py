@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from imocap_core.artifacts.schemas import (
     VideoCameraMotion,
     VideoKeypoints,
 )
-from imocap_core.camera.background import rescaled, share_without_bars, track_background
+from imocap_core.camera.background import FilmedPart, filmed_part, rescaled, track_background
 from imocap_core.camera.camera_motion import CameraMotionEstimate
 from imocap_core.camera.line_lens import KeptPictures, still_background
 from imocap_core.camera.projection import warp
@@ -31,6 +32,8 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.workers import cores
 
 MOST_KEPT_BYTES = 64 * 2**20  # grey pictures of one video that are kept from one use to the next
+BAR_PICTURES = 24  # bars are looked for in
+BAR_STEP = 10  # pictures from one to the next of these, at the start of a long video
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
@@ -77,7 +80,7 @@ def _look(
     scale = min(1.0, params.working_size_px / max(video.size))
     first, last = int(video.frames[0]), int(video.frames[-1])
     boxes = (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5
-    pictures = _small_pictures(video, path, scale)
+    pictures, filmed = _small_pictures(video, path, scale)
     sampled = KeptPictures(last + 1 - first, {})
     small = track_background(
         sampled.passing(pictures()),
@@ -91,8 +94,7 @@ def _look(
             f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
             "them; change `frames` in action.yaml or re-encode the video"
         )
-    filmed = share_without_bars(list(sampled.by_frame.values()))
-    factor = filmed * params.assumed_focal_factor
+    factor = filmed.share * params.assumed_focal_factor
     camera, lens = camera_of_background(
         video,
         [rescaled(match, scale) for match in small],
@@ -101,26 +103,28 @@ def _look(
         lambda: still_background(sampled, boxes),
         replace(params, assumed_focal_factor=factor),
     )
-    if filmed < 1:
-        words = f"black bars leave {filmed:.0%} of the picture's larger side"
+    if filmed.share < 1:
+        words = f"black bars leave {filmed.share:.0%} of the picture's larger side"
         camera = replace(camera, note=f"{camera.note}; {words}")
     return camera_at_used_frames(camera, video), lens
 
 
 def _small_pictures(
     video: VideoKeypoints, path: Path, scale: float
-) -> Callable[[], Iterator[GrayPicture]]:
-    """The used frames made smaller, as often as asked for; decoded once where they are few."""
+) -> tuple[Callable[[], Iterator[GrayPicture]], FilmedPart]:
+    """The used frames made smaller, black around what is filmed, as often as asked for; decoded
+    once where they are few."""
     first, stop = int(video.frames[0]), int(video.frames[-1]) + 1
 
     def decoded() -> Iterator[GrayPicture]:
         numbered = read_gray(path, first, stop, scale=scale, damaged=bool(video.damaged))
         return (picture for _, picture in numbered)
 
-    if (stop - first) * scale**2 * video.size[0] * video.size[1] > MOST_KEPT_BYTES:
-        return decoded
-    pictures = list(decoded())
-    return lambda: iter(pictures)
+    few = (stop - first) * scale**2 * video.size[0] * video.size[1] <= MOST_KEPT_BYTES
+    pictures = list(decoded()) if few else []
+    step = max(1, (stop - first) // BAR_PICTURES) if few else BAR_STEP
+    filmed = filmed_part(list(islice(pictures or decoded(), 0, BAR_PICTURES * step, step)))
+    return lambda: (filmed.alone(picture) for picture in pictures or decoded()), filmed
 
 
 def _path(camera: CameraMotionEstimate) -> dict[str, np.ndarray]:

@@ -15,12 +15,7 @@ from jaxtyping import Float, UInt8
 
 from imocap_core.adapters import lenses
 from imocap_core.artifacts.schemas import LensDistortion, VideoKeypoints
-from imocap_core.camera.background import (
-    FeatureTracks,
-    Matches,
-    track_features,
-    undistorted_matches,
-)
+from imocap_core.camera.background import FeatureTracks, Matches, track_features
 from imocap_core.camera.camera_motion import (
     CameraMotionEstimate,
     estimate_camera_motion,
@@ -170,12 +165,12 @@ def camera_of_background(
         )
 
     if given is not None:
-        matches = undistorted_matches(matches, given, threshold_px)
+        matches = [match.undistorted(given, threshold_px) for match in matches]
     camera = estimate(matches)
     turning = tested[0][1].lens if tested and params.lens else None
     if turning is not None and turning.certain:
         lens, _ = turning.lens(camera.K, video.size)
-        camera = estimate(undistorted_matches(matches, lens, threshold_px))
+        camera = estimate([match.undistorted(lens, threshold_px) for match in matches])
     if tested and params.structure:
         camera = followed(camera, tested[0][0], video.focal_px)
     distortion = None

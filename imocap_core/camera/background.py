@@ -25,34 +25,75 @@ from imocap_core.camera.projection import Lens, warp
 MIN_OVERLAP = 0.6  # of the frame inside a key frame
 MIN_TRACKED = 0.35  # of the features that should be visible
 BOX_PADDING = 0.12  # of the person's box on each side: hair, hands and clothes reach out of it
+FEWEST = 4  # points of a homography
 _WINDOW = (21, 21)
 
 _BAR_LEVEL = 24  # of 255: darker are black bars, compression's noise included
-_BAR_SHARE = 0.01  # of a column or row: so few brighter pixels are noise
+_BAR_SHARE = 0.01  # of a column or row: so few pixels are noise
 _LEAST_BAR = 0.03  # of the side: a narrower margin is the picture's own dark edge
+_BAR_BRIGHT = 0.6  # of a bar's pixels at most: captions
+_EDGE_CHANGES = 0.3  # of the film's pixels along a bar: its camera moves
 
 
-def share_without_bars(pictures: Sequence[UInt8[np.ndarray, "H W"]]) -> float:
-    """Larger side of what is filmed, as a share of the pictures' larger side: 1 without black bars.
+@dataclass(frozen=True)
+class FilmedPart:
+    """Rows and columns of a picture of ``shape`` (height, width) that are filmed: all of them where
+    no film was put into a frame of another shape."""
 
-    Bars are black in all pictures and equally wide on both sides, as where an upright film was put
-    into a wide one.
+    shape: tuple[int, ...]
+    rows: slice
+    columns: slice
+
+    @property
+    def share(self) -> float:
+        """Its larger side, as a share of the picture's larger side."""
+        return max(s.stop - s.start for s in (self.rows, self.columns)) / max(self.shape)
+
+    def alone(self, picture: UInt8[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W"]:
+        """The picture, black around what is filmed: captions stand still when the camera turns."""
+        if picture[self.rows, self.columns].size == picture.size:
+            return picture
+        alone = np.zeros_like(picture)
+        alone[self.rows, self.columns] = picture[self.rows, self.columns]
+        return alone
+
+
+def filmed_part(pictures: Sequence[UInt8[np.ndarray, "H W"]]) -> FilmedPart:
+    """What is filmed of a video's pictures: they lie between black bars where they were put into a
+    frame of another shape. Bars are equally wide on both sides, and black in all pictures. Captions
+    in them, which never change, are told from the film where its camera moves.
 
     Args:
         pictures: grey, of one size, some of one video.
     """
-    bright = np.mean([picture > _BAR_LEVEL for picture in pictures], axis=0)
-    sides = [_side_without_bars(bright.mean(axis=axis)) for axis in (0, 1)]
-    return max(sides) / max(bright.shape)
+    shown = np.stack(pictures)
+    highest = shown.max(axis=0)
+    bright = highest > _BAR_LEVEL
+    changes = bright & (highest - shown.min(axis=0) > _BAR_LEVEL)
+    rows, columns = (_between_bars(bright.mean(axis), changes.mean(axis)) for axis in (1, 0))
+    return FilmedPart(bright.shape, rows, columns)
 
 
-def _side_without_bars(bright: Float[np.ndarray, " n"]) -> int:
-    """Number of columns (or rows) between two equal bars; bright: share of each one's pixels."""
-    filmed = np.flatnonzero(bright > _BAR_SHARE)
-    if not len(filmed):
-        return len(bright)
-    bar = min(int(filmed[0]), len(bright) - 1 - int(filmed[-1]))
-    return len(bright) - 2 * bar if bar >= _LEAST_BAR * len(bright) else len(bright)
+def _between_bars(bright: Float[np.ndarray, " n"], changes: Float[np.ndarray, " n"]) -> slice:
+    """Rows (or columns) between two equal bars; shares of each one's pixels that are ever bright,
+    and that change."""
+    count = len(bright)
+    plain, captioned = (_bar(share) for share in (bright, changes))
+    edge = max(1, int(_LEAST_BAR * count))
+    filmed = changes[captioned : count - captioned]
+    if (
+        plain
+        and filmed[:edge].mean() > _EDGE_CHANGES < filmed[-edge:].mean()
+        and np.r_[bright[:captioned], bright[count - captioned :]].mean() < _BAR_BRIGHT
+    ):
+        plain = captioned
+    return slice(plain, count - plain) if plain >= _LEAST_BAR * count else slice(0, count)
+
+
+def _bar(share: Float[np.ndarray, " n"]) -> int:
+    """Rows (or columns) from either side without such pixels."""
+    filmed = np.flatnonzero(share > _BAR_SHARE)
+    return min(int(filmed[0]), len(share) - 1 - int(filmed[-1])) if len(filmed) else 0
 
 
 @dataclass(frozen=True)
@@ -68,6 +109,14 @@ class Matches:
     xy_key: Float[np.ndarray, "N 2"]
     xy_frame: Float[np.ndarray, "N 2"]
     inlier: Bool[np.ndarray, " N"]
+
+    def undistorted(self, lens: Lens, threshold_px: float) -> Matches:
+        """Without the lens's distortion, the homography fitted anew where it is one of points."""
+        xy_key, xy_frame = lens.undistorted(self.xy_key), lens.undistorted(self.xy_frame)
+        moved = replace(self, xy_key=xy_key, xy_frame=xy_frame)
+        if np.array_equal(xy_key, xy_frame):  # a key frame itself, or a frame without points
+            return moved
+        return _fit(self.key, xy_key, xy_frame, FEWEST, threshold_px) or moved
 
 
 @dataclass(frozen=True)
@@ -291,7 +340,7 @@ def _fit(
     key: int, xy_key: np.ndarray, xy_frame: np.ndarray, needed: int, threshold_px: float
 ) -> Matches | None:
     """Robust homography; None unless it has the inliers it needs."""
-    if len(xy_key) < max(needed, 4):
+    if len(xy_key) < max(needed, FEWEST):
         return None
     H, chosen = cv2.findHomography(xy_frame, xy_key, cv2.USAC_MAGSAC, threshold_px, maxIters=500)
     if H is None or chosen.sum() < needed or abs(np.linalg.det(H)) < 1e-6:
@@ -313,35 +362,6 @@ def _unmasked(
     inside = _inside(xy, mask.shape)
     column, row = np.where(inside[:, None], xy, 0.0).round().astype(int).T
     return inside & (mask[row, column] > 0)
-
-
-FEWEST = 4  # points of a homography
-
-
-def undistorted_matches(
-    matches: Sequence[Matches], lens: Lens, threshold_px: float
-) -> list[Matches]:
-    """The matches without the lens's distortion, homographies fitted anew.
-
-    A frame without points keeps its homography, which comes from the frame before.
-
-    Args:
-        threshold_px: largest error of an inlier.
-    """
-    return [_undistorted(match, frame, lens, threshold_px) for frame, match in enumerate(matches)]
-
-
-def _undistorted(match: Matches, frame: int, lens: Lens, threshold_px: float) -> Matches:
-    if not len(match.xy_key):
-        return match
-    xy_key, xy_frame = lens.undistorted(match.xy_key), lens.undistorted(match.xy_frame)
-    moved = replace(match, xy_key=xy_key, xy_frame=xy_frame)
-    if match.key == frame or len(xy_key) < FEWEST:
-        return moved
-    H, chosen = cv2.findHomography(xy_frame, xy_key, cv2.USAC_MAGSAC, threshold_px, maxIters=500)
-    if H is None or abs(np.linalg.det(H)) < 1e-6:
-        return moved
-    return replace(moved, H_key_from_frame=H / H[2, 2], inlier=chosen[:, 0] == 1)
 
 
 REFILL = 0.75  # of the corners wanted: with fewer, new ones are looked for

@@ -15,15 +15,8 @@ from stages import camera_motion
 from tests.made_keypoints import made_keypoints
 
 SIZE, FRAMES = (320, 180), 10
-PARAMS = Params(
-    camera_motion=CameraMotionParams(
-        working_size_px=160,
-        max_features=150,
-        min_inliers=15,
-        reprojection_threshold_px=2.0,
-        assumed_focal_factor=1.0,
-    )
-)
+LOOK = CameraMotionParams(working_size_px=160, max_features=150, min_inliers=15,
+                          reprojection_threshold_px=2.0, assumed_focal_factor=1.0)  # fmt: skip
 
 
 def keypoints_of(video, first=0, focal_px=None, distortion=None):
@@ -38,35 +31,31 @@ def keypoints_of(video, first=0, focal_px=None, distortion=None):
     return Keypoints(videos=[video])
 
 
-def run(folder, keypoints, params=PARAMS):
+def run(folder, keypoints):
     declared = Declaration(id="v1", video=keypoints.videos[0].video, fps=30.0, size=SIZE,
                            keypoints="k", format="openpose", layout="body25")  # fmt: skip
     context = Context(
-        stage="camera_motion",
-        seed=0,
-        reads=frozenset(("videos",)),
-        progress=lambda share, what: None,
-        report=folder,
-        _action=Action(folder, "made", (declared,)),
-    )
+        stage="camera_motion", seed=0, reads=frozenset(("videos",)), report=folder,
+        progress=lambda share, what: None, _action=Action(folder, "made", (declared,)),
+    )  # fmt: skip
     inputs = Inputs("camera_motion", {}, {Keypoints: keypoints})
-    return camera_motion.run(context, inputs, params).videos[0]
+    return camera_motion.run(context, inputs, Params(camera_motion=LOOK)).videos[0]
+
+
+def write_pan(file, bar):
+    """A texture that slides to the left by 4 pixels a frame, as a slow pan would show it, between
+    two bars (in squares of 4 pixels) that do not."""
+    coarse = np.random.default_rng(0).integers(30, 160, size=(45 - 2 * len(bar), 120))
+    pictures = (np.vstack([bar, coarse[:, t : t + 80], bar]) for t in range(12))
+    grey = (np.kron(picture, np.ones((4, 4))).astype(np.uint8) for picture in pictures)
+    write_h264(file, (np.repeat(picture[..., None], 3, axis=2) for picture in grey), 30.0, crf=16)
 
 
 @pytest.fixture(scope="module")
 def sliding(tmp_path_factory):
-    """A texture that slides to the left by 4 pixels a frame, as a slow pan would show it."""
     folder = tmp_path_factory.mktemp("sliding")
-    coarse = np.random.default_rng(0).integers(0, 255, size=(45, 120), dtype=np.uint8)
-    texture = np.kron(coarse, np.ones((4, 4), np.uint8))
-    frames = (np.repeat(texture[:, 4 * t : 4 * t + 320, None], 3, axis=2) for t in range(12))
-    write_h264(folder / "v1.mp4", frames, 30.0, crf=16)
+    write_pan(folder / "v1.mp4", CAPTIONS[:0])
     return folder
-
-
-@pytest.fixture(scope="module")
-def followed(sliding):
-    return run(sliding, keypoints_of("v1.mp4"))
 
 
 def test_without_a_video_the_camera_stands_still_and_is_unknown(tmp_path):
@@ -89,8 +78,13 @@ def test_an_assumed_focal_length_is_of_the_picture_between_black_bars(tmp_path):
     assert run(tmp_path, keypoints_of("v1.mp4", focal_px=500.0)).K[0, 0] == 500.0
 
 
-def test_keypoints_are_carried_back_by_the_pan(followed):
-    found = followed
+CAPTIONS = np.pad(np.random.default_rng(1).choice([0, 0, 0, 250], size=(14, 80)), ((1, 1), (0, 0)))
+
+
+@pytest.mark.parametrize("bar", [CAPTIONS[:0], CAPTIONS], ids=["filmed", "captions in black bars"])
+def test_keypoints_are_carried_back_by_the_pan(bar, tmp_path):
+    write_pan(tmp_path / "v1.mp4", bar)
+    found = run(tmp_path, keypoints_of("v1.mp4"))
     assert found.motion == "rotating"
     moved = found.xy_first_px[:, 0, 0] - 100.0
     assert np.allclose(moved, 4.0 * np.arange(FRAMES), atol=1.0)
