@@ -444,9 +444,7 @@ def first_common_problem(
     """The terms and the start of the first fit of one motion to all views."""
     scene, state = made.scene, shared_shapes(made.start, made.scene.performers)
     cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
-    keypoints = (
-        common_motion.with_initial_offsets(scene, options) if rigid_offsets else scene.keypoints
-    )
+    keypoints = common_motion.with_initial_offsets(scene) if rigid_offsets else scene.keypoints
     motion = consensus_motion(scene, state, cameras, options.agreement_rad)
     free = [v for v in range(len(scene.observations)) if v != scene.reference]
     scale = scene.fit.robust_scale_sigma * common_motion.ROBUST_STAGES[0]

@@ -54,7 +54,7 @@ def cut(
 ) -> tuple[Path, list[str]]:
     """The folder of an action whose videos are the repetitions of long clips (and the videos that
     are none), and a sentence on each clip."""
-    from imocap_core.sync.repetition import find_repetitions
+    from imocap_core.sync.repetition import find_picture_repetitions, find_repetitions
 
     hinted = [*job.action.anchors, *job.action.forbidden]
     if hinted:
@@ -66,12 +66,17 @@ def cut(
     outcomes = runner.run(job, display, job.pipeline.upstream("initial_smpl"))
     artifacts = artifacts_of_stages(job.action.name, {o.stage: o.stored for o in outcomes})
     keypoints, initial = artifacts.get(Keypoints), artifacts.get(InitialSmpl)
+    cameras = artifacts.get(CameraMotion).videos
     spans: dict[str, list[tuple[int, int]]] = {}
     notes = []
-    for video, motion in zip(keypoints.videos, initial.videos, strict=True):
+    for video, camera, motion in zip(keypoints.videos, cameras, initial.videos, strict=True):
         if video.id not in long_clips:
             continue
-        repetitions = find_repetitions(motion.joints, video.fps)
+        repetitions = max(
+            find_repetitions(motion.joints, video.fps),
+            find_picture_repetitions(camera.xy_first_px, video.confidence, video.fps),
+            key=lambda cut: cut.score,
+        )
         if len(repetitions.spans) < 2:
             raise WorkFailed(f"{video.id}: {repetitions.status}; nothing to cut")
         spans[video.id] = [

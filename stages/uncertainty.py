@@ -79,7 +79,6 @@ def posterior_of(
         scene,
         group.solution,
         posterior,
-        options,
         near_limit_deg=params.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )

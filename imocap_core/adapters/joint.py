@@ -140,7 +140,7 @@ class JointProblem:
             o, middle = from_one_place(o, x)
             xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
             videos.append(CalibratedVideo(world, xy, weight, K, R, t - middle))
-        return ReprojectionEvidence(videos, self.options)
+        return ReprojectionEvidence(videos)
 
 
 def problem_of(

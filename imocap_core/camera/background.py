@@ -364,9 +364,9 @@ def _unmasked(
     return inside & (mask[row, column] > 0)
 
 
-REFILL = 0.75  # of the corners wanted: with fewer, new ones are looked for
+_REFILL = 0.75  # of the corners wanted: with fewer, new ones are looked for
 LONGEST_S = 4.0  # of a track
-MAX_DIFFERENCE = 18.0  # mean grey levels between a corner's two pictures
+_MAX_DIFFERENCE = 18.0  # mean grey levels between a corner's two pictures
 FEWEST_TRACKED = 6  # corners of one first picture that are still worth following
 WINDOW = (15, 15)
 _LEVELS = 3
@@ -447,7 +447,7 @@ def track_features(
             b for b in moved if len(b.track) >= FEWEST_TRACKED and t - b.born < LONGEST_S * fps
         ]
         followed = sum(len(b.track) for b in broods)
-        if followed < REFILL * max_features:
+        if followed < _REFILL * max_features:
             corners = _new_corners(picture, mask, broods, max_features, max_features - followed)
             if len(corners) >= FEWEST_TRACKED:
                 ids = np.arange(count, count + len(corners))
@@ -484,7 +484,7 @@ def _followed(brood: _Brood, picture: np.ndarray, mask: np.ndarray) -> _Brood:
     )
     xy = moved.reshape(-1, 2).astype(np.float64)
     good = np.asarray(status)[:, 0].astype(bool) & _inside(xy, picture.shape, margin=2.0)
-    good &= _unmasked(mask, xy) & (np.asarray(difference)[:, 0] < MAX_DIFFERENCE)
+    good &= _unmasked(mask, xy) & (np.asarray(difference)[:, 0] < _MAX_DIFFERENCE)
     return _Brood(brood.born, brood.picture, brood.first[good], xy[good], brood.track[good])
 
 

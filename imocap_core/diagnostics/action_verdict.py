@@ -34,6 +34,7 @@ from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, Verdict, liste
 from imocap_core.diagnostics.same_take import said_first, take_findings
 from imocap_core.diagnostics.timing import (
     collapse_findings,
+    count_findings,
     decision_findings,
     disagreement_s,
     event_sentence,
@@ -147,6 +148,7 @@ def verdict_of(
     predicted = predicted_videos(left_out_in_turn)
     cameras = [] if camera_motion is None else camera_motion.videos
     view = view_findings(motion, sync, left_out_in_turn)
+    timing = timing_findings(sync, keypoints.videos, predicted)
     findings = [
         *left_out_findings(keypoints),
         *decision_findings(sync),
@@ -155,7 +157,8 @@ def verdict_of(
         *hidden_findings(sync, videos),
         *up_findings(motion, sync, cameras),
         *collapse_findings(sync, videos),
-        *timing_findings(sync, keypoints.videos, predicted),
+        *timing,
+        *(count_findings(keypoints.videos, cameras) if any(f.serious for f in timing) else []),
         *repetition_findings(sync),
         *performer_findings(keypoints, camera_motion, refined),
         *prediction_findings(left_out_in_turn),
@@ -176,17 +179,17 @@ def verdict_of(
     findings.sort(key=lambda f: ORDER.index(f.kind))
     fps, left_out = videos[sync.reference].fps, len(keypoints.left_out or ())
     apart_s = disagreement_s(sync, predicted)
-    timing = timing_sentence(sync, fps, left_out, predicted, apart_s)
+    first = timing_sentence(sync, fps, left_out, predicted, apart_s)
     if refined.event is not None:  # refined beyond what the matches agree on
         apart_s = apart_s if (apart_s or 0) > 3 * DOUBTFUL_S else None
-        timing = event_sentence(refined.event, fps, left_out, doubtful=apart_s is not None)
+        first = event_sentence(refined.event, fps, left_out, doubtful=apart_s is not None)
     if view and len(sync.used) > 1:
-        timing = f"{timing.removesuffix('.')}; {view[0].text}."
+        first = f"{first.removesuffix('.')}; {view[0].text}."
     used = set(sync.used)
     is_predicted = predicted >= used if len(used) < 3 else bool(predicted & used)
     return Verdict(
         summary_of(
-            said_first(timing, findings, len(videos)),
+            said_first(first, findings, len(videos)),
             findings,
             "" if claimed is None else least_certain(claimed),
             "" if claimed is None else further_view(claimed, sync),

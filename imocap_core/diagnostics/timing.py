@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
     EventCameras,
     SyncMap,
     SyncSummary,
+    VideoCameraMotion,
     VideoKeypoints,
     VideoTrust,
 )
@@ -27,6 +28,7 @@ from imocap_core.diagnostics.contradictions import (
 )
 from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, listed
 from imocap_core.sequences import index_at, runs
+from imocap_core.sync.repetition import find_picture_repetitions
 
 LEAST_MATCHED = 0.5  # of a video's frames
 UNCERTAIN = 0.5  # confidence
@@ -312,6 +314,34 @@ def _repetition_finding(video: VideoTrust, reference: str) -> Finding:
         "may be matched a repetition off",
         f"if it is, {anchor_advice(video.id, reference)}",
     )
+
+
+_COUNTED, _SINGLE = 0.75, 0.5  # score of repetitions that nobody declared; of a single one at most
+
+
+def count_findings(
+    videos: Sequence[VideoKeypoints], cameras: Sequence[VideoCameraMotion]
+) -> list[Finding]:
+    """Videos that show the action at least twice as often as another one: one time axis stretches
+    the fewer repetitions over all."""
+    counts = {}
+    for video, camera in zip(videos, cameras, strict=False):
+        cut = find_picture_repetitions(camera.xy_first_px, video.confidence, video.fps)
+        if not _SINGLE < cut.score < _COUNTED:
+            counts[video.id] = len(cut.spans) if cut.score >= _COUNTED else 1
+    fewest = min(counts, key=lambda video: counts[video], default="")
+    return [
+        Finding(
+            "time",
+            video,
+            f"shows the action {count} times and {fewest} only {counts[fewest]}: one time axis "
+            "stretches these over all",
+            f"shows the action {count} times, {fewest} fewer",
+            "`repetitions: true` in action.yaml cuts it into performances of one repetition each",
+        )
+        for video, count in counts.items()
+        if count >= 2 * counts[fewest]
+    ]
 
 
 KEEP = "`--set sync.outliers=report` (in action.yaml `params: {sync: {outliers: report}}`)"

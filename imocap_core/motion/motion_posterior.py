@@ -231,12 +231,12 @@ def with_common_motion(scene: Scene, result: JointMotion, options: MotionParams)
     if result.common is not None and result.spread is not None:
         return result
     start = consensus_motion(scene, result.state, result.cameras, options.agreement_rad)
-    keypoints = with_initial_offsets(scene, options)
+    keypoints = with_initial_offsets(scene)
     views = CommonViews(scene.body, keypoints, result.cameras, scene.fit.robust_scale_sigma)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
     terms += estimate_terms(scene, start.trans, options)
     motion, cameras, _ = fit_common_motion(views, start, NO_UNKNOWNS, terms, FIT_STEPS)
-    spread = estimate_spread(scene, motion, cameras, options)
+    spread = estimate_spread(scene, motion, cameras)
     return replace(result, common=motion, spread=spread)
 
 

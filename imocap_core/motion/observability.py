@@ -15,7 +15,6 @@ from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise, motions_at_once
 from imocap_core.motion.motion_posterior import CommonPosterior, MotionPosterior
-from imocap_core.motion.multiview.common_motion import initial_offset_sd
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.observations import per_video_view
@@ -25,8 +24,8 @@ from imocap_core.motion.state import FRAME_UNKNOWNS, Body, MotionState
 from imocap_core.motion.terms import Reprojection, View
 from imocap_core.motion.terms.base import pieces
 from imocap_core.motion.terms.view import project
-from imocap_core.params import MotionParams
 from imocap_core.sequences import runs
+from imocap_core.sync.warp.template import OFFSET_START
 from imocap_core.workers import thread_map
 
 LEAST_FACING = 0.5  # length of the mean facing below which the performer turns round
@@ -182,14 +181,14 @@ def camera_like(posterior: CommonPosterior) -> ExtraCamera:
     )
 
 
-def camera_for_single(motion: MotionState, view: View, options: MotionParams) -> ExtraCamera:
+def camera_for_single(motion: MotionState, view: View) -> ExtraCamera:
     """A second camera for a video by itself, its rigid offset as large as any start."""
     weight = view.weight[view.weight > 0]
     return ExtraCamera(
         float(motion.trans[0, :, 2].median()),
         float(view.K[0, 0, 0]),
         float(weight.median()) if len(weight) else 0.0,
-        initial_offset_sd(1, options)[0],
+        np.array(OFFSET_START),
     )
 
 
@@ -240,7 +239,6 @@ def viewpoint_report(
     scene: Scene,
     result: JointMotion,
     posterior: MotionPosterior,
-    options: MotionParams,
     *,
     near_limit_deg: float,
     evidence_share: float,
@@ -256,7 +254,7 @@ def viewpoint_report(
     pairs = near_pairs(angles, near_limit_deg)
     if posterior.common is None:
         view = per_video_view(scene.observations, result.state.trans)
-        camera = camera_for_single(result.state, view, options)
+        camera = camera_for_single(result.state, view)
     else:
         camera = camera_like(posterior.common)
     gain = reductions(

@@ -75,8 +75,7 @@ class FitParams:
     )
     foot_speed_m_s: Positive = param(
         0.2,
-        "Speed of a foot that costs 1, before the ceiling `foot_scale`: slow feet are drawn to a "
-        "stop.",
+        "Speed of a foot that costs half of the most: slow feet are drawn to a stop.",
         unit="m/s",
     )
     foot_hold_m_s: Positive = param(
@@ -85,7 +84,6 @@ class FitParams:
         "videos.",
         unit="m/s",
     )
-    foot_scale: Positive = param(1.0, "Square root of the largest cost of a foot's speed.")
     path_velocity_m_s: Positive = param(100.0, "Speed of the body's root that costs 1.", unit="m/s")
     path_acceleration_m_s2: Positive = param(
         6.0, "Acceleration of the body's root that costs 1.", unit="m/s²"
@@ -126,16 +124,6 @@ class InitialSmplParams:
         100.0,
         "Least `fit.shape_prior` of single videos, unless all have 3D joints: one view does not "
         "tell proportions from depth.",
-    )
-    match_sigma: Positive = param(
-        0.12,
-        "Standard deviation of a keypoint's distance to the matched pose, as a share of the "
-        "keypoints' spread in the picture.",
-    )
-    step_m_s: Positive = param(
-        2.0,
-        "Joint speed that costs 1 when a path of poses over time is chosen among the candidates.",
-        unit="m/s",
     )
     starts: Count = param(
         2, "Different starts that are fitted for each video; the fit of lowest cost is used."
@@ -186,24 +174,6 @@ class MotionParams:
         unit="s",
     )
     max_steps: Count = param(10, "Most Gauss-Newton steps of each solve.")
-    rigid_offset_start_rad: Positive = param(
-        0.08,
-        "Spread of a performance's rotation as a whole against the common motion, where its "
-        "estimation starts.",
-        unit="rad",
-    )
-    rigid_offset_start_m: Positive = param(
-        0.15,
-        "Spread of a performance's translation as a whole against the common motion, where its "
-        "estimation starts.",
-        unit="m",
-    )
-    rigid_offset_floor_rad: Positive = param(
-        0.01, "Smallest spread of that rotation that the estimation may return.", unit="rad"
-    )
-    rigid_offset_floor_m: Positive = param(
-        0.005, "Smallest spread of that translation that the estimation may return.", unit="m"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

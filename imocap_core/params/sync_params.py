@@ -67,7 +67,6 @@ class SyncParams:
         "reference.",
         unit="s",
     )
-    normalise_scale: bool = param(True, "Divide each video's poses by its body size.")
     least_difference_m: NonNegative = param(
         0.04, "Pose distance below which two performances are not told apart.", unit="m"
     )

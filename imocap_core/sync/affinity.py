@@ -123,7 +123,7 @@ def distance_matrix(
     Arguments as of `synchronise`; whole: every frame, also of long videos.
     """
     weights = joint_weights_of(poses, confidence)
-    scales = body_scales(poses) if params.normalise_scale else np.ones(len(poses))
+    scales = body_scales(poses)
     least = params.least_difference_m**2
     scaled, blocks = stack(poses, scales)
     per_video = [scaled[blocks.rows(v)] for v in range(len(poses))]

@@ -86,6 +86,7 @@ def procrustes_distances(
     weights_a: Float[np.ndarray, "N_a J"],
     weights_b: Float[np.ndarray, "N_b J"],
     *,
+    turned: bool = True,
     entries_per_chunk: int = ENTRIES_PER_CHUNK,
 ) -> Float[np.ndarray, "N_a N_b"]:
     """Root-mean-square joint distance of every pair of poses after the best rigid alignment.
@@ -94,6 +95,7 @@ def procrustes_distances(
         poses_a, poses_b: any unit; both are centred on the joints that they share.
         weights_a, weights_b: at least 0. A joint counts in a pair by the product of its two
             weights, so a joint missing (weight 0, NaN allowed) in either frame does not count.
+        turned: whether the best alignment turns poses too, or only moves them.
 
     Returns:
         In the unit of the poses; NaN where the two frames share fewer than three joints.
@@ -112,7 +114,8 @@ def procrustes_distances(
     for start in range(0, len(poses_a), step):
         rows = slice(start, start + step)
         S, norm_a, norm_b, weight = _pair_sums(moments_a[rows], moments_b)
-        square = norm_a + norm_b - 2.0 * optimal_trace(S)
+        trace = optimal_trace(S) if turned else np.trace(S)
+        square = norm_a + norm_b - 2.0 * trace
         enough = visible_a[rows] @ visible_b.T >= MIN_SHARED_JOINTS
         mean = np.maximum(square, 0.0) / np.where(weight > 0, weight, 1.0)
         out[rows] = np.where(enough, np.sqrt(mean), np.nan)

@@ -195,6 +195,7 @@ _LEAST_QUALITY = 0.4  # of an occurrence's poses the template must explain
 # squared distance up to which a pose is explained: share of the way from its nearest pose to others
 _MATCH_LEVEL = 0.4
 _SHORTEST_S = 0.5  # repetition, at the clip's typical speed
+_LEAST_CONFIDENCE = 0.3  # of a keypoint in the picture
 
 
 @dataclass(frozen=True)
@@ -213,27 +214,36 @@ class Repetitions:
     status: str
 
 
-def find_repetitions(poses: Float[np.ndarray, "T J 3"], fps: float) -> Repetitions:
+def find_picture_repetitions(
+    xy_px: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], fps: float
+) -> Repetitions:
+    """Like `find_repetitions`, by the keypoints of a video whose performer repeats the action in
+    the same direction. They lack the errors of a monocular depth."""
+    flat = np.pad(xy_px, ((0, 0), (0, 0), (0, 1)))
+    flat[confidence < _LEAST_CONFIDENCE] = np.nan
+    return find_repetitions(flat, fps, turned=False)
+
+
+def find_repetitions(
+    poses: Float[np.ndarray, "T J 3"], fps: float, *, turned: bool = True
+) -> Repetitions:
     """Cut a clip into the repetitions of its dominant action; their number is not given.
 
     Args:
         poses: any unit, axes and origin; NaN = missing.
         fps: frames a second.
-
-    Raises:
-        ValueError: for shapes or numbers that don't fit.
+        turned: whether poses are equal that are turned against each other.
     """
-    _check(poses, fps)
     whole = ((0, len(poses)),)
     smooth = _smoothed(poses, SMOOTH_S * fps)
-    speed = _speeds(smooth, fps)
+    speed = _speeds(smooth, fps, turned)
     typical = float(np.sqrt(np.mean(speed**2)))
     samples = _evenly_in_motion(speed / typical, fps) if typical > 0 else np.array([0])
     shortest = max(2, round(_SHORTEST_S * SAMPLES_PER_S))
     if len(samples) < 2 * shortest:
         return Repetitions(whole, 0.0, "no repetitions: the clip is too short, or nothing moves")
     template = best_template(
-        _similarity(_squares(smooth[samples]), shortest, _MATCH_LEVEL),
+        _similarity(_squares(smooth[samples], turned), shortest, _MATCH_LEVEL),
         shortest=shortest,
         longest=max(shortest, round(0.6 * len(samples))),
         stride=-(-len(samples) // MAX_STARTS),
@@ -253,16 +263,6 @@ def find_repetitions(poses: Float[np.ndarray, "T J 3"], fps: float) -> Repetitio
     return Repetitions(spans, score, f"{len(spans)} repetitions, {durations}, score {score:.2f}")
 
 
-def _check(poses: np.ndarray, fps: float) -> None:
-    faults = []
-    if poses.ndim != 3 or poses.shape[-1] != 3 or not len(poses):
-        faults.append(f"poses: expected (T >= 1, J, 3), got {poses.shape}")
-    if not fps > 0:
-        faults.append(f"fps: expected > 0, got {fps}")
-    if faults:
-        raise ValueError("; ".join(faults))
-
-
 def _smoothed(poses: np.ndarray, sigma: float) -> np.ndarray:
     """Poses smoothed over time (sigma in frames); a missing joint is interpolated from neighbouring
     frames, and stays NaN where none is near."""
@@ -272,20 +272,18 @@ def _smoothed(poses: np.ndarray, sigma: float) -> np.ndarray:
     return np.where(share > 1e-3, total / np.maximum(share, 1e-3), np.nan)
 
 
-def _speeds(poses: np.ndarray, fps: float) -> np.ndarray:
-    """Speed (T,) of the change of pose at each frame, without the rotation of the whole body."""
+def _speeds(poses: np.ndarray, fps: float, turned: bool) -> np.ndarray:
+    """Speed (T,) of the change of pose at each frame."""
     lag = max(1, round(SPEED_S * fps))
     if len(poses) <= lag:
         return np.zeros(len(poses))
     weights = np.isfinite(poses).all(axis=-1).astype(float)
-    step = np.array(
-        [
-            procrustes_distances(
-                poses[t : t + 1], poses[t + lag :][:1], weights[t : t + 1], weights[t + lag :][:1]
-            )[0, 0]
-            for t in range(len(poses) - lag)
-        ]
-    )
+    step = np.empty(len(poses) - lag)
+    for t in range(len(step)):
+        now, later = (slice(i, i + 1) for i in (t, t + lag))
+        step[t] = procrustes_distances(
+            poses[now], poses[later], weights[now], weights[later], turned=turned
+        ).item()
     middle = np.arange(len(step)) + lag / 2
     valid = np.isfinite(step)
     if not valid.any():
@@ -301,10 +299,10 @@ def _evenly_in_motion(relative_speed: np.ndarray, fps: float) -> np.ndarray:
     return np.unique(np.searchsorted(travelled, marks))
 
 
-def _squares(poses: np.ndarray) -> np.ndarray:
+def _squares(poses: np.ndarray, turned: bool) -> np.ndarray:
     """Squared distances of all pairs (N, N); unknown ones count as the mean."""
     weights = np.isfinite(poses).all(axis=-1).astype(float)
-    square = procrustes_distances(poses, poses, weights, weights) ** 2
+    square = procrustes_distances(poses, poses, weights, weights, turned=turned) ** 2
     return np.where(np.isfinite(square), square, np.nanmean(square))
 
 

@@ -23,7 +23,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.diagnostics import contradictions
+from imocap_core.diagnostics import contradictions, timing
 from imocap_core.diagnostics.action_verdict import distrust, verdict_of, without_consequences
 from imocap_core.diagnostics.bodies import feet_findings
 from imocap_core.diagnostics.findings import (
@@ -38,6 +38,7 @@ from imocap_core.diagnostics.findings import (
 from imocap_core.diagnostics.same_take import said_first
 from imocap_core.diagnostics.timing import DOUBTFUL_S, collapse_findings, event_sentence
 from imocap_core.diagnostics.weak_joints import further_view, side_of
+from imocap_core.sync.repetition import Repetitions
 from tests.diagnostics.test_contradictions import performance
 from tests.made_sync import trust_in
 from tests.report.made import FPS, Made
@@ -161,6 +162,15 @@ def test_a_video_that_fits_a_repetition_later_as_well_is_named(made: Made) -> No
     assert finding.video == name
     assert "anchors:" in finding.remedy
     assert "repeats" not in judged(made, trust=repeating(made, 1.5)).summary[0]
+
+
+@pytest.mark.parametrize("score", [0.9, 0.6])
+def test_more_repetitions_are_named(made: Made, monkeypatch: Any, score: float) -> None:
+    cuts = iter([Repetitions(((0, 9),), 0.2, ""), Repetitions(((0, 9),) * 3, score, "")])
+    monkeypatch.setattr(timing, "find_picture_repetitions", lambda *_: next(cuts))
+    findings = timing.count_findings(made.keypoints.videos[:2], made.camera_motion.videos)
+    named = [("shows the action 3 times, v1 fewer", True)] if score > 0.7 else []
+    assert [(f.brief, "`repetitions: true`" in f.remedy) for f in findings] == named
 
 
 @pytest.mark.parametrize("count", [1, 2])

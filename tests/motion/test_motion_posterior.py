@@ -348,7 +348,7 @@ def posterior_at_truth(made: Made, seen: Scene) -> tuple[MotionPosterior, Viewpo
     result = result_at(in_own_axes(made), made.cameras())
     found = motion_posterior(seen, result, OPTIONS, NOISE)
     share = {"near_limit_deg": 20, "evidence_share": NOISE.evidence_share(FPS)}
-    return found, viewpoint_report(seen, result, found, OPTIONS, **share)
+    return found, viewpoint_report(seen, result, found, **share)
 
 
 def test_near_identical_views_are_named_and_a_camera_across_helps_less_where_one_is() -> None:

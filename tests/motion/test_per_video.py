@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise
-from imocap_core.motion.multiview.common_motion import finite_median, initial_offset_sd
+from imocap_core.motion.multiview.common_motion import finite_median
 from imocap_core.motion.multiview.per_video import (
     CONTACT_SCALE,
     COUPLED,
@@ -32,11 +32,12 @@ from imocap_core.motion.multiview.scene import (
 )
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import Body, MotionState
-from imocap_core.params import MotionParams
 from imocap_core.rotations import exp, geodesic_angle
+from imocap_core.sync.warp.template import OFFSET_START
 from tests.motion.made import FRAMES, WEIGHTS, Made, mpjpe_mm
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
+OFFSETS = np.tile(OFFSET_START, (3, 1))
 FULL = (30.0 / WEIGHTS.foot_hold_m_s) ** 2  # weight of a step between frames at 30 a second
 
 
@@ -82,7 +83,7 @@ def test_a_video_whose_own_feet_swing_objects_for_itself_alone(made: Made) -> No
 @pytest.mark.long
 def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
     all_, true = whole(made), in_own_axes(made)
-    spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))
+    spread = DeviationSpread(np.full((3, 20, 25), 0.03), OFFSETS)
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     cold, cost = fit_deviations(all_, true, *given)
     again, lower = fit_deviations(all_, cold, *given, restart=False)
@@ -135,7 +136,7 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
     positions coupled, too, no further."""
     all_, state = whole(made), in_own_axes(made)
     spread_m = 0.03
-    spread = DeviationSpread(np.full((3, 20, 25), spread_m), initial_offset_sd(3, MotionParams()))
+    spread = DeviationSpread(np.full((3, 20, 25), spread_m), OFFSETS)
     options = replace(OPTIONS, correlation_s=0.0)
     faces = torch.ones_like(state.trans[..., 0])
     targets = targets_of(all_, state, made.state, made.cameras())
@@ -240,7 +241,7 @@ def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(made
 @pytest.mark.parametrize("restart", [False, True])
 def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(made, restart):
     true = in_own_axes(made)
-    spread = DeviationSpread(np.full((3, FRAMES, 25), 0.03), initial_offset_sd(3, MotionParams()))
+    spread = DeviationSpread(np.full((3, FRAMES, 25), 0.03), OFFSETS)
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     good, wrong = (
         fit_deviations(whole(made), state, *given, restart=restart)[0]

@@ -13,6 +13,7 @@ from imocap_core.sync.repetition import (
     Repetitions,
     best_totals,
     chosen_spans,
+    find_picture_repetitions,
     find_repetitions,
     match_values,
     subsequence_dtw,
@@ -140,19 +141,14 @@ def test_view_size_and_still_ends_change_nothing() -> None:
     assert np.abs(later - np.array(repetitions.spans)).max() <= 6
 
 
-def test_missing_joints_and_frames_are_bridged() -> None:
-    rng = np.random.default_rng(7)
-    poses, spans = _repeated(_from_rest_to_rest(75, rng), 3, 0.0, rng)
-    poses[rng.random(poses.shape[:2]) < 0.1] = np.nan
-    poses[40:44] = np.nan
-    assert len(_find(poses).spans) == len(spans)
-
-
-@pytest.mark.usefixtures("unchecked_shapes")
-@pytest.mark.parametrize("poses", [np.zeros((0, 3, 3)), np.zeros((9, 3))])
-def test_shapes_that_are_no_motion_are_refused(poses: Array) -> None:
-    with pytest.raises(ValueError, match="poses: expected"):
-        _find(poses)
+def test_errors_in_depth_do_not_hide_what_repeats_in_the_picture() -> None:
+    rng = np.random.default_rng(5)
+    poses, spans = _repeated(_from_rest_to_rest(75, rng), 3, 0.5, rng)
+    wrong = _unsure(poses[..., 2], rng, 0.4)
+    assert len(_find(np.concatenate([poses[..., :2], wrong[..., None]], axis=-1)).spans) == 1
+    unsure = rng.random(poses.shape[:2]) < 0.1
+    xy_px = 200 * poses[..., :2] + 300 * unsure[..., None]
+    assert len(find_picture_repetitions(xy_px, 0.9 - 0.8 * unsure, FPS).spans) == len(spans)
 
 
 def test_a_still_or_short_clip_is_one_piece() -> None:

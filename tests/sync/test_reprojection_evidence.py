@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.params import MotionParams
 from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.sync.axes import increasing
 from imocap_core.sync.hypotheses import (
@@ -85,7 +84,7 @@ def evidence_of_second(videos: list[CalibratedVideo], maps: list[np.ndarray]) ->
     """Of the second video's frames, all positions of the first one."""
     banded = [BandedMap.of(m) for m in maps]
     nearby = [(rows, slice(0, maps[1].shape[1])) for rows in blocks_of_frames(len(maps[1]))]
-    evidence = ReprojectionEvidence(videos, MotionParams())
+    evidence = ReprojectionEvidence(videos)
     template = evidence.template(1, banded, 0, 4)
     squares = evidence.squares(1, template, banded[1], nearby, 4)
     return None if squares is None else squares.nearby.dense()
@@ -111,7 +110,7 @@ def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
     turned = CalibratedVideo(
         video.xyz_m, video.xy_px + np.array([15.0, -8.0]), video.weight, K, video.R, video.t
     )
-    squares = all_squares(projected(motion(phase), video), turned, np.arange(81), MotionParams())
+    squares = all_squares(projected(motion(phase), video), turned, np.arange(81))
     assert np.abs(squares.argmin(1) - np.arange(81)).mean() < 1.0
     assert np.median(squares.min(1)) < 1.5
 
@@ -154,7 +153,7 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(videos,
         others = np.stack(result.reference_frame[1:])
         return float(np.nanmean(np.abs(others - np.arange(frames)), axis=1).max())
 
-    by_poses, by_reprojection = error(None), error(ReprojectionEvidence(films, MotionParams()))
+    by_poses, by_reprojection = error(None), error(ReprojectionEvidence(films))
     assert by_poses > 0.55 * frames_off
     assert by_reprojection < 0.25
 
@@ -192,7 +191,7 @@ def test_the_current_moment_of_a_frame_does_not_bias_its_counterpart(off: int) -
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 30)
     believed = np.clip(np.arange(81) + off, 0, 80)
-    squares = all_squares(projected(motion(phase), video), video, believed, MotionParams())
+    squares = all_squares(projected(motion(phase), video), video, believed)
     inner = slice(8, 73)
     error = squares.argmin(1)[inner] - np.arange(81)[inner]
     assert abs(error.mean()) < 0.1 * abs(off)
@@ -207,8 +206,8 @@ def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression(block, m
     phase = np.linspace(0, 1, 6)
     video = film(phase, 0.4, 31)
     template, moments = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
-    squares = all_squares(template, video, moments, MotionParams())
-    weight, precision = weights_and_precision(template, video, moments, MotionParams())
+    squares = all_squares(template, video, moments)
+    weight, precision = weights_and_precision(template, video, moments)
     for t in range(6):
         for s in range(6):
             root = np.sqrt(np.repeat(weight[t], 2))

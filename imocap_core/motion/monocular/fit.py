@@ -93,7 +93,7 @@ def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -
     step = prior.velocity_rad.clamp_min(1e-3) / pace
     bend = prior.acceleration_rad.clamp_min(1e-3) / pace**2
     return [
-        FootContact(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
+        FootContact(body, (fps / weights.foot_speed_m_s) ** 2, 1.0),
         PosePriorTerm(prior, weights.pose_prior),
         ShapePrior.of_body(
             body.model, weights.shape_prior, weights.hidden_shape_prior, weights.size_prior

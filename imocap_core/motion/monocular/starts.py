@@ -263,6 +263,10 @@ class Start:
 MIN_JOINTS = 6  # fewer do not determine a pose
 
 
+_MATCH_SIGMA = 0.12  # of a keypoint's distance to the matched pose, share of the keypoints' spread
+_STEP_M_S = 2.0  # joint speed that costs 1 where a path of poses is chosen
+
+
 def lifted_starts(
     body: Body, library: Library, observation: Observation, options: InitialSmplParams
 ) -> list[Start]:
@@ -274,8 +278,8 @@ def lifted_starts(
     keys = _key_frames(confidence, stride)
     xy = torch.as_tensor(np.nan_to_num(observation.xy_px[keys])).to(template)
     weight = torch.as_tensor(confidence[keys]).to(template)
-    candidates = match(library, xy, weight, count=options.candidates, sigma=options.match_sigma)
-    step_m = options.step_m_s * stride / observation.fps
+    candidates = match(library, xy, weight, count=options.candidates, sigma=_MATCH_SIGMA)
+    step_m = _STEP_M_S * stride / observation.fps
     starts: list[Start] = []
     followed: list[Tensor] = []
     rows = torch.arange(len(keys), device=template.device)

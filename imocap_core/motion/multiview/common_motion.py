@@ -43,6 +43,7 @@ from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Sc
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
+from imocap_core.sync.warp.template import OFFSET_FLOOR, OFFSET_START
 from imocap_core.workers import serial_map, thread_map
 
 
@@ -172,21 +173,13 @@ ROUNDS = 6
 MIN_KEYPOINTS = 4  # fewer do not determine a rigid offset
 
 
-def initial_offset_sd(videos: int, options: MotionParams) -> Float[np.ndarray, "M 6"]:
-    """Generous standard deviations at which the estimation starts: rad, rad, rad, m, m, m."""
-    rotation, translation = options.rigid_offset_start_rad, options.rigid_offset_start_m
-    return np.tile([rotation] * 3 + [translation] * 3, (videos, 1))
-
-
-def with_initial_offsets(scene: Scene, options: MotionParams) -> CommonKeypoints:
+def with_initial_offsets(scene: Scene) -> CommonKeypoints:
     """A scene's keypoints, every performance with a rigid offset of generous spread."""
-    first = initial_offset_sd(len(scene.observations), options)
+    first = np.tile(OFFSET_START, (len(scene.observations), 1))
     return replace(scene.keypoints, offset_sd=first)
 
 
-def estimate_offset_sd(
-    views: CommonViews, motion: MotionState, options: MotionParams
-) -> CommonViews:
+def estimate_offset_sd(views: CommonViews, motion: MotionState) -> CommonViews:
     """Offset spreads estimated from the views' keypoints; one without keypoints keeps its own.
 
     Args:
@@ -198,12 +191,12 @@ def estimate_offset_sd(
     term = image_term(views, motion)
     pairs = list(zip(term.views, keypoints.offset_sd, strict=True))
     each = serial_map if motion.trans.is_cuda else thread_map
-    spread = each(lambda pair: _offset_sd(term, pair[0], motion, pair[1], options), pairs)
+    spread = each(lambda pair: _offset_sd(term, pair[0], motion, pair[1]), pairs)
     return replace(views, keypoints=replace(keypoints, offset_sd=np.stack(spread)))
 
 
 def _offset_sd(
-    term: Reprojection, view: View, motion: MotionState, before: np.ndarray, options: MotionParams
+    term: Reprojection, view: View, motion: MotionState, before: np.ndarray
 ) -> np.ndarray:
     usable = (view.weight > 0).sum(-1)[0] >= MIN_KEYPOINTS
     if not bool(usable.any()):
@@ -213,15 +206,15 @@ def _offset_sd(
         precision = sigma.pow(-2).expand(1, len(usable), -1)
         offset, sharpness = term.rigid_offsets(view, motion, precision, offset)
         covariance = torch.linalg.inv(sharpness[0, usable])
-        sigma = _mean_square(offset[0, usable], covariance, options).sqrt()
+        sigma = _mean_square(offset[0, usable], covariance).sqrt()
     return sigma.cpu().numpy()
 
 
-def _mean_square(offset: Tensor, covariance: Tensor, options: MotionParams) -> Tensor:
+def _mean_square(offset: Tensor, covariance: Tensor) -> Tensor:
     """(6,) one variance of the three rotations and one of the three translations."""
     square = offset.square() + covariance.diagonal(dim1=-2, dim2=-1)
-    rotation = square[:, :3].mean().clamp_min(options.rigid_offset_floor_rad**2)
-    translation = square[:, 3:].mean().clamp_min(options.rigid_offset_floor_m**2)
+    rotation = square[:, :3].mean().clamp_min(OFFSET_FLOOR[0] ** 2)
+    translation = square[:, 3:].mean().clamp_min(OFFSET_FLOOR[3] ** 2)
     return torch.cat([rotation.expand(3), translation.expand(3)])
 
 
@@ -365,7 +358,7 @@ def fit_in_stages(
     if not cameras_known:
         unknowns = unknowns_of(scene, [v for v in range(len(cameras.R)) if v != scene.reference])
     if options.objective != "single":
-        keypoints = with_initial_offsets(scene, options)
+        keypoints = with_initial_offsets(scene)
     if shifts_m is not None:
         keypoints = replace(keypoints, shifts_m=shifts_m)
         start = replace(start, scores=start.trans.new_zeros(1, len(cameras.R), len(shifts_m)))
@@ -385,7 +378,7 @@ def fit_in_stages(
         fits = [fit_common_motion(weighted, begun, unknowns, terms, steps) for begun in starts]
         motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
         starts = [motion]
-        views = estimate_offset_sd(replace(views, cameras=cameras), motion, options)
+        views = estimate_offset_sd(replace(views, cameras=cameras), motion)
         spread_m = keypoint_spread_m(replace(views, robust_scale=final), motion, scene.fps)
         costs.append(solution.costs[-1])
         status = solution.status
@@ -396,18 +389,16 @@ def fit_in_stages(
         motion = replace(motion, scores=motion.scores[:, :0])
     sd = views.keypoints.offset_sd
     spread = None if sd is None else DeviationSpread(spread_m, sd, of_each)
-    spread = spread or estimate_spread(scene, motion, cameras, options)
+    spread = spread or estimate_spread(scene, motion, cameras)
     return CommonFit(motion, cameras, spread, costs, status, misfit(scene, motion, cameras, sd))
 
 
-def estimate_spread(
-    scene: Scene, motion: MotionState, cameras: Cameras, options: MotionParams
-) -> DeviationSpread:
+def estimate_spread(scene: Scene, motion: MotionState, cameras: Cameras) -> DeviationSpread:
     """How far performances deviate from a common motion that was not fitted with deviations."""
-    keypoints = with_initial_offsets(scene, options)
+    keypoints = with_initial_offsets(scene)
     views = CommonViews(scene.body, keypoints, cameras, scene.fit.robust_scale_sigma)
     for _ in ROBUST_STAGES:  # as often as a fit does: expectation maximisation is slow
-        views = estimate_offset_sd(views, motion, options)
+        views = estimate_offset_sd(views, motion)
     assert views.keypoints.offset_sd is not None
     return DeviationSpread(keypoint_spread_m(views, motion, scene.fps), views.keypoints.offset_sd)
 

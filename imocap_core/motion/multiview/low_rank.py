@@ -178,7 +178,7 @@ def alternated(
         state, cameras, cost = low_rank_round(scene, state, cameras, options, pnp=round_ > 0)
         costs.append(cost)
     common = consensus_motion(scene, state, cameras, options.agreement_rad)
-    spread = estimate_spread(scene, common, cameras, options)
+    spread = estimate_spread(scene, common, cameras)
     status = f"{options.rounds} alternations of Eq. 8"
     fit = misfit(scene, common, cameras)
     return JointMotion(state, cameras, common, spread, costs, status, fit, scene.swapped)

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
 from imocap_core.sync.maps import Band, BandedMap
 from imocap_core.sync.warp.template import (
     OFFSET,
+    OFFSET_FLOOR,
+    OFFSET_START,
     NearbySquares,
     TemplatePoses,
     fused,
@@ -111,10 +112,7 @@ def projected(xyz_m: Float[np.ndarray, "S K 3"], video: CalibratedVideo) -> Proj
 
 
 def reprojection_squares(
-    template: ProjectedTemplate,
-    video: CalibratedVideo,
-    moments: Int[np.ndarray, " T"],
-    motion: MotionParams,
+    template: ProjectedTemplate, video: CalibratedVideo, moments: Int[np.ndarray, " T"]
 ) -> Callable[[slice, slice], Float[np.ndarray, "_t _s"]]:
     """Mean squared reprojection error of each frame at each moment, in units of the noise: a
     function of frames and moments.
@@ -125,9 +123,8 @@ def reprojection_squares(
     Args:
         moments: current moment of each frame; there the outlier weights and the size of rigid
             offsets are estimated.
-        motion: of its fields, the spreads of rigid offsets.
     """
-    weight, precision = weights_and_precision(template, video, moments, motion)
+    weight, precision = weights_and_precision(template, video, moments)
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
     middle = template.xy_px.mean(axis=(0, 1))
     detected = np.where(weight[..., None] > 0, video.xy_px - middle, 0.0)
@@ -144,17 +141,13 @@ def reprojection_squares(
 
 
 def weights_and_precision(
-    template: ProjectedTemplate,
-    video: CalibratedVideo,
-    moments: Int[np.ndarray, " T"],
-    motion: MotionParams,
+    template: ProjectedTemplate, video: CalibratedVideo, moments: Int[np.ndarray, " T"]
 ) -> tuple[Float[np.ndarray, "T K"], Float[np.ndarray, "6"]]:
     """Robust weights of the detections, and the inverse variances of rigid offsets, estimated at
     each frame's current moment (iteratively reweighted least squares)."""
     rows, residual = template.by_offset[moments], video.xy_px - template.xy_px[moments]
     residual = np.where(video.weight[..., None] > 0, residual, 0.0)
-    spread = _rotation_and_translation(motion.rigid_offset_start_rad, motion.rigid_offset_start_m)
-    least = _rotation_and_translation(motion.rigid_offset_floor_rad, motion.rigid_offset_floor_m)
+    spread, least = np.array(OFFSET_START), np.array(OFFSET_FLOOR)
     offsets, weight = np.zeros((len(moments), OFFSET)), video.weight
     for _ in range(ROUNDS):
         error = residual - np.einsum("tkac,tc->tka", rows, offsets)
@@ -166,11 +159,6 @@ def weights_and_precision(
         offsets = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         spread = _spread(offsets, np.linalg.inv(hessian), least)
     return weight, spread**-2.0
-
-
-def _rotation_and_translation(rotation_rad: float, translation_m: float) -> np.ndarray:
-    """(6,) one value for the three rotations, one for the three translations."""
-    return np.array([rotation_rad] * 3 + [translation_m] * 3)
 
 
 def _spread(offsets: np.ndarray, covariance: np.ndarray, least: np.ndarray) -> np.ndarray:
@@ -190,14 +178,9 @@ def _skew(x: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ReprojectionEvidence:
-    """All synchronised videos with their cameras, in their order.
-
-    Attributes:
-        params: of its fields, the spreads of rigid offsets.
-    """
+    """All synchronised videos with their cameras, in their order."""
 
     videos: Sequence[CalibratedVideo]
-    params: MotionParams
 
     def template(
         self, v: int, soft_maps: Sequence[BandedMap], reference: int, per_frame: int
@@ -225,9 +208,7 @@ class ReprojectionEvidence:
         positions = median_positions(current, per_frame) * per_frame
         moments = np.rint(positions).astype(np.int64)
         squares = NearbySquares.computed(
-            current.shape,
-            nearby,
-            reprojection_squares(template, self.videos[v], moments, self.params),
+            current.shape, nearby, reprojection_squares(template, self.videos[v], moments)
         )
         typical = float(np.median(squares.least))
         if typical > LARGEST_SQUARE:

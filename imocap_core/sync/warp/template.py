@@ -275,6 +275,8 @@ def _grouped(bands: Sequence[Band], rows: int) -> list[list[Band]]:
 
 FRAMES, TEMPLATES = 32, 256  # of a block
 OFFSET = 6  # parameters of a rigid offset: rotation vector, translation
+# their standard deviations, rad and m: where an estimation starts, and the least that it returns
+OFFSET_START, OFFSET_FLOOR = (0.08,) * 3 + (0.15,) * 3, (0.01,) * 3 + (0.005,) * 3
 LOWER = [(i, j) for i in range(OFFSET) for j in range(i + 1)]
 DIAGONAL = [n for n, (i, j) in enumerate(LOWER) if i == j]
 
