@@ -445,7 +445,7 @@ def first_common_problem(
     scene, state = made.scene, shared_shapes(made.start, made.scene.performers)
     cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
     keypoints = common_motion.with_initial_offsets(scene) if rigid_offsets else scene.keypoints
-    motion = consensus_motion(scene, state, cameras, options.agreement_rad)
+    motion = consensus_motion(scene, state, cameras)
     free = [v for v in range(len(scene.observations)) if v != scene.reference]
     scale = scene.fit.robust_scale_sigma * common_motion.ROBUST_STAGES[0]
     views = common_motion.CommonViews(scene.body, keypoints, cameras, scale)

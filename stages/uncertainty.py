@@ -76,11 +76,7 @@ def posterior_of(
     posterior = motion_posterior(scene, group.solution, options, noise, rows, progress)
     progress("viewpoints")
     viewpoints = viewpoint_report(
-        scene,
-        group.solution,
-        posterior,
-        near_limit_deg=params.near_limit_deg,
-        evidence_share=noise.evidence_share(scene.fps),
+        scene, group.solution, posterior, evidence_share=noise.evidence_share(scene.fps)
     )
     lasting_m = uncertainty.lasting_residual_m(group)
     joints = partial(claimed_covariance_m2, one_motion=one_motion, lasting_m=lasting_m)

@@ -178,8 +178,10 @@ def problem_of(
         participants.initial.path_units,
     )
     swaps, videos = hypotheses.left_right_swaps(initial, chosen), participants.keypoints.videos
+    grounds = zip(videos, participants.initial.grounds, strict=False)
+    ups = {video.id: (ground.up, ground.tilt_sd_deg) for video, ground in grounds}
     observations = [
-        replace(o, swapped=swaps.get(video.id))
+        replace(o, swapped=swaps.get(video.id), up=ups.get(video.id))
         for o, video in zip(observations, videos, strict=True)
     ]
     scene = scene_of(body, observations, participants.sync(sync), fit)

@@ -33,6 +33,7 @@ from imocap_core.motion.observability import AZIMUTHS_DEG, ViewpointReport, weak
 from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
 
+_WEAK_LIMIT = 2.0  # times the action's median: more is an ill-determined joint
 REPORTED = [SMPL_JOINTS.index(name) for name in EVAL_14]  # hands, toes, collars: hardly observed
 MM2_PER_M2 = 1e6
 
@@ -142,7 +143,7 @@ def uncertainty_of(
     weak = [
         span
         for uncertain, video in zip(videos, keypoints.videos, strict=True)
-        for span in _weak(uncertain, video, params.weak_limit, median)
+        for span in _weak(uncertain, video, median)
     ]
     ids = [v.id for v in posteriors[0].participants.keypoints.videos]
     return Uncertainty(
@@ -153,8 +154,6 @@ def uncertainty_of(
             NearPair(videos=[ids[p.a], ids[p.b]], angle_deg=p.angle_deg, seen_across=across)
             for p, across in zip(whole.pairs, whole.across, strict=True)
         ],
-        near_limit_deg=params.near_limit_deg,
-        weak_limit=params.weak_limit,
         viewpoints=[
             Viewpoint(azimuth_deg=a, reduction=float(r))
             for a, r in zip(AZIMUTHS_DEG, whole.reductions, strict=True)
@@ -191,10 +190,8 @@ def _video(
     )
 
 
-def _weak(
-    uncertain: VideoUncertainty, video: VideoKeypoints, limit: float, median: float
-) -> list[WeakSpan]:
-    spans = weak_spans(uncertain.sigma_mm[:, REPORTED], limit * median, video.fps)
+def _weak(uncertain: VideoUncertainty, video: VideoKeypoints, median: float) -> list[WeakSpan]:
+    spans = weak_spans(uncertain.sigma_mm[:, REPORTED], _WEAK_LIMIT * median, video.fps)
     time_s = video.time_s
     return [
         WeakSpan(

@@ -25,7 +25,7 @@ from imocap_core.camera.projection import Lens, warp
 MIN_OVERLAP = 0.6  # of the frame inside a key frame
 MIN_TRACKED = 0.35  # of the features that should be visible
 BOX_PADDING = 0.12  # of the person's box on each side: hair, hands and clothes reach out of it
-FEWEST = 4  # points of a homography
+_FEWEST = 4  # points of a homography
 _WINDOW = (21, 21)
 
 _BAR_LEVEL = 24  # of 255: darker are black bars, compression's noise included
@@ -116,7 +116,7 @@ class Matches:
         moved = replace(self, xy_key=xy_key, xy_frame=xy_frame)
         if np.array_equal(xy_key, xy_frame):  # a key frame itself, or a frame without points
             return moved
-        return _fit(self.key, xy_key, xy_frame, FEWEST, threshold_px) or moved
+        return _fit(self.key, xy_key, xy_frame, _FEWEST, threshold_px) or moved
 
 
 @dataclass(frozen=True)
@@ -340,7 +340,7 @@ def _fit(
     key: int, xy_key: np.ndarray, xy_frame: np.ndarray, needed: int, threshold_px: float
 ) -> Matches | None:
     """Robust homography; None unless it has the inliers it needs."""
-    if len(xy_key) < max(needed, FEWEST):
+    if len(xy_key) < max(needed, _FEWEST):
         return None
     H, chosen = cv2.findHomography(xy_frame, xy_key, cv2.USAC_MAGSAC, threshold_px, maxIters=500)
     if H is None or chosen.sum() < needed or abs(np.linalg.det(H)) < 1e-6:

@@ -230,7 +230,7 @@ def with_common_motion(scene: Scene, result: JointMotion, options: MotionParams)
     """A result with its common motion and spread, fitted at its cameras where it has none."""
     if result.common is not None and result.spread is not None:
         return result
-    start = consensus_motion(scene, result.state, result.cameras, options.agreement_rad)
+    start = consensus_motion(scene, result.state, result.cameras)
     keypoints = with_initial_offsets(scene)
     views = CommonViews(scene.body, keypoints, result.cameras, scene.fit.robust_scale_sigma)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]

@@ -192,6 +192,7 @@ def camera_for_single(motion: MotionState, view: View) -> ExtraCamera:
     )
 
 
+_NEAR_DEG = 20.0  # videos whose lines of sight differ by less are near-identical views
 ACROSS_DEG = 30.0  # a video this far off a line of sight determines depth along it
 LEAST_SPAN_S = 0.2  # shorter ones are not reported
 GAP_S = 0.2  # spans of one joint closer than this are one
@@ -236,12 +237,7 @@ class ViewpointReport:
 
 
 def viewpoint_report(
-    scene: Scene,
-    result: JointMotion,
-    posterior: MotionPosterior,
-    *,
-    near_limit_deg: float,
-    evidence_share: float,
+    scene: Scene, result: JointMotion, posterior: MotionPosterior, *, evidence_share: float
 ) -> ViewpointReport:
     """The viewpoints of a result and its posterior; evidence_share: see `Noise`."""
     cameras = result.cameras
@@ -251,7 +247,7 @@ def viewpoint_report(
         scene.body, posterior.motion, cameras.R.cpu().numpy(), mean[scene.reference]
     )
     angles = angles_deg(directions)
-    pairs = near_pairs(angles, near_limit_deg)
+    pairs = near_pairs(angles, _NEAR_DEG)
     if posterior.common is None:
         view = per_video_view(scene.observations, result.state.trans)
         camera = camera_for_single(result.state, view)

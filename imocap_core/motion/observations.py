@@ -33,6 +33,8 @@ class Observation:
             spot, or unknown.
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
+        up: (3,) against gravity as this video alone tells it, in its first frame's axes, and its
+            standard deviation about each horizontal axis, degrees; or None.
         swapped: (T,) which sides of the detections are swapped in these keypoints (states of
             `sync.hypotheses.swapped_by_others`), or None: none.
     """
@@ -47,6 +49,7 @@ class Observation:
     performer: int = 0
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
+    up: tuple[Float[np.ndarray, "3"], float] | None = None
     swapped: Int[np.ndarray, " T"] | None = None
 
     @property

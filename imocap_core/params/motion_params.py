@@ -84,7 +84,6 @@ class FitParams:
         "videos.",
         unit="m/s",
     )
-    path_velocity_m_s: Positive = param(100.0, "Speed of the body's root that costs 1.", unit="m/s")
     path_acceleration_m_s2: Positive = param(
         6.0, "Acceleration of the body's root that costs 1.", unit="m/s²"
     )
@@ -162,11 +161,6 @@ class MotionParams:
         "Difference of the root's path between videos that costs 1 (lambda_r2 of Eq. 8).",
         unit="m",
     )
-    agreement_rad: Positive = param(
-        0.35,
-        "A joint that differs by more than this from the other videos stops following them.",
-        unit="rad",
-    )
     correlation_s: NonNegative = param(
         0.25,
         "Time over which a performance's deviation from the common motion persists: its cost "
@@ -207,17 +201,6 @@ class UncertaintyParams:
     )
     pose_persistence_s: Positive = param(
         0.5, "The pose prior counts once per this time. Chosen on training clips.", unit="s"
-    )
-    weak_limit: Positive = param(
-        2.0,
-        "A joint whose standard deviation exceeds this many times the action's median is reported "
-        "as ill-determined.",
-    )
-    near_limit_deg: Positive = param(
-        20.0,
-        "Two videos whose lines of sight differ by less than this are reported as near-identical "
-        "views.",
-        unit="deg",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from imocap_core.params.bounds import Count, NonNegative, Positive, Share, WholeNumber, param
+from imocap_core.params.bounds import Count, NonNegative, Positive, WholeNumber, param
 
 CycleMethod = Literal["als", "svt", "softmap", "none"]
 Warp = Literal["posterior", "dtw"]
@@ -30,9 +30,6 @@ class SyncParams:
         5,
         "Refinements, at most, of each video against the template on which the other videos agree.",
     )
-    orientation_window_s: Positive = param(
-        1.0, "Time over which the orientation error of a monocular estimate persists.", unit="s"
-    )
     evidence_per_s: Positive = param(
         15.0,
         "Independent observations of the pose per second of video. Fewer give smoother warps.",
@@ -43,16 +40,6 @@ class SyncParams:
         "How different poses may be before a match ends: about 1 + 2 x this times the usual "
         "squared distance (`dtw`: this share of the way from matching to unrelated poses).",
     )
-    regularity: Share = param(
-        0.5,
-        "Share of warps with a slowly changing rate among the averaged ones, in the pairwise maps.",
-    )
-    rate_spread: Positive = param(
-        0.7,
-        "Standard deviation of the logarithm of a video's rate (seconds of the reference per "
-        "second of the video).",
-    )
-    rate_persistence_s: Positive = param(1.0, "Time over which a rate persists.", unit="s")
     positions_per_frame: Count = param(
         4, "Positions that are tried between two frames of the reference."
     )

@@ -4,41 +4,8 @@ A part of a result that less than the whole determines is stored under a key of 
 code, parameters and seed, and what the part is made from. Whoever needs it again finds it: the same
 action after a video was added, or another action that has the video.
 
-A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else.
-A complete example, which a test runs:
-
-    # pipeline.yaml
-    stages:
-      visibility:
-        script: stages/visibility.py
-        inputs: [keypoints]
-        reads: []
-        params: [keypoints]
-
-    # stages/visibility.py
-    # visibility: share of the frames in which the detector saw each joint
-
-    from imocap_core.artifacts.schemas import Artifact, Keypoints
-    from imocap_core.cli import stage_main
-    from imocap_core.params import Params
-    from imocap_core.pipeline.stage import Context, Inputs
-
-
-    class Visibility(Artifact):
-        share_visible: dict[str, list[float]]  # per video, one number a joint
-
-
-    def run(ctx: Context, inputs: Inputs, params: Params) -> Visibility:
-        videos = inputs.get(Keypoints).videos
-        ctx.progress(0.5, "counting visible joints")
-        least = params.keypoints.min_confidence
-        return Visibility(
-            share_visible={v.id: (v.confidence >= least).mean(axis=0).tolist() for v in videos}
-        )
-
-
-    if __name__ == "__main__":  # python -m stages.visibility yoga
-        raise SystemExit(stage_main("visibility"))
+A stage is one script with one function; examples/visibility.py is one. What it reads is declared in
+pipeline.yaml, nowhere else.
 
 What the runner promises:
 

@@ -141,10 +141,8 @@ def sentences(claimed: Uncertainty, sync: SyncSummary, most: int | None = SHOWN)
     if len(weak) < len(claimed.weak):
         lines.append(f"observability.md lists {len(claimed.weak) - len(weak)} more spans.")
     if not claimed.weak:
-        lines.append(
-            f"No joint's standard deviation stays above {claimed.weak_limit:g} times the action's "
-            f"median of {claimed.median_mm:.0f} mm."
-        )
+        twice = f"twice the action's median of {claimed.median_mm:.0f} mm"
+        lines.append(f"No joint's standard deviation stays above {twice}.")
     return lines
 
 

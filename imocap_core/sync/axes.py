@@ -41,6 +41,7 @@ from imocap_core.workers import thread_map
 
 SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
 _SETTLED_FRAMES = 0.05  # the other refinements end when maps move less
+_ORIENTATION_S = 1.0  # that the orientation error of a monocular estimate persists
 SHARPNESS = 3.0  # factor of their evidence
 REPROJECTION_ROUNDS = 2  # in the second, outliers are those at the moments of the first
 SEARCH_S = 2.0  # beyond what a map does not rule out, a refinement looks this far
@@ -168,7 +169,7 @@ def _refine_by_poses(
         return np.concatenate([median_positions(m, params.positions_per_frame) for m in maps])
 
     # the first refinement aligns frame by frame; only then are orientations accurate enough
-    windows = [params.orientation_window_s * f for f in axis.clocks.action_fps]
+    windows = [_ORIENTATION_S * f for f in axis.clocks.action_fps]
     for round_ in range(params.consensus_rounds):
         before = positions()
         refine(params, windows if round_ else None)

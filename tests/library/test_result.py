@@ -201,7 +201,7 @@ def test_uncertainty_is_in_world_axes(made: Made) -> None:
     made.publish(
         "uncertainty",
         Uncertainty(
-            videos=videos, median_mm=1.0, weak=[], near=[], near_limit_deg=1.0, weak_limit=1.0,
+            videos=videos, median_mm=1.0, weak=[], near=[],
             viewpoints=[], azimuth_from="camera", status="",
         ),
     )  # fmt: skip

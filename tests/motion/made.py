@@ -22,7 +22,7 @@ FACING = torch.tensor([np.pi, 0.0, 0.0], dtype=torch.float64)  # upright, toward
 WEIGHTS = FitParams(
     robust_scale_sigma=4.0, pose_prior=0.05, shape_prior=50.0, hidden_shape_prior=50.0,
     size_prior=50.0, limits=100.0, velocity=0.02, acceleration=0.3, acceleration_scale=3.0,
-    foot_speed_m_s=0.2, foot_hold_m_s=0.02, path_velocity_m_s=100.0,
+    foot_speed_m_s=0.2, foot_hold_m_s=0.02,
     path_acceleration_m_s2=6.0, evidence_mm=80.0,
 )  # fmt: skip
 

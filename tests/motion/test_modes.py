@@ -31,7 +31,7 @@ def in_styles(raised: float) -> tuple[Made, Scene, MotionState]:
 
 
 def shifts_of(made: Made, *given: Scene | MotionState) -> np.ndarray | None:
-    mean = consensus_motion(*given, made.cameras(), OPTIONS.agreement_rad)
+    mean = consensus_motion(*given, made.cameras())
     return modes.mode_shifts(*given, made.cameras(), mean)
 
 

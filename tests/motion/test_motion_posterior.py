@@ -347,7 +347,7 @@ def posterior_at_truth(made: Made, seen: Scene) -> tuple[MotionPosterior, Viewpo
     """At the truth."""
     result = result_at(in_own_axes(made), made.cameras())
     found = motion_posterior(seen, result, OPTIONS, NOISE)
-    share = {"near_limit_deg": 20, "evidence_share": NOISE.evidence_share(FPS)}
+    share = {"evidence_share": NOISE.evidence_share(FPS)}
     return found, viewpoint_report(seen, result, found, **share)
 
 

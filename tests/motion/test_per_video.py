@@ -103,7 +103,7 @@ def test_frames_that_one_video_shows_alone_go_on_from_the_others(made: Made) -> 
     turned, bent = state.R_local.clone(), exp(torch.tensor([0.0, 0.7, 0.0])).to(state.R_local)
     turned[0, :, elbow] = bent @ turned[0, :, elbow]
     given = replace(state, R_local=turned), made.cameras()
-    common = consensus_motion(scene, *given, OPTIONS.agreement_rad).R_local[0]
+    common = consensus_motion(scene, *given).R_local[0]
     targets = targets_of(scene, state, replace(made.state, R_local=common[None]), made.cameras())
     videos = at_video_frames(scene, state, made.state, targets).R_local
     for motion, source in ((common, turned[0]), *zip(videos, state.R_local, strict=True)):

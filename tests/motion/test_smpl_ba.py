@@ -32,7 +32,7 @@ from tests.motion.made import FOCAL_PX, FRAMES, WEIGHTS, K, Made, mpjpe_mm, scen
 
 OPTIONS = MotionParams(
     objective="shared", rank=1, rounds=2, coupling_rad=0.1, coupling_path_m=0.3,
-    agreement_rad=0.35, correlation_s=0.25, max_steps=10,
+    correlation_s=0.25, max_steps=10,
 )  # fmt: skip
 
 
@@ -192,7 +192,7 @@ def test_a_video_that_goes_its_own_way_loses_its_say() -> None:
     R = exp(0.3 * torch.randn(1, 30, 24, 3, generator=generator, dtype=torch.float64))
     R = R.expand(4, -1, -1, -1, -1).clone()
     R[3, :, 18] = R[3, :, 18] @ exp(torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64))
-    follows = agreement(R, torch.ones(4, 30).double(), scale_rad=0.35, smooth_frames=7)
+    follows = agreement(R, torch.ones(4, 30).double())
     assert float(follows[3, :, 18].max()) < 0.05
     assert float(follows[3, :, :18].min()) > 0.99
     assert float(follows[0, :, 18].min()) > 5 * float(follows[3, :, 18].max())

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import normalize
 
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
@@ -31,6 +32,7 @@ from imocap_core.motion.terms import (
 )
 from imocap_core.motion.terms.body_priors import (
     HINGES,
+    LevelCameras,
     hidden_directions,
     length_rates,
     size_direction,
@@ -131,8 +133,9 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "score prior": lambda b, s: ScorePrior(),
     "pose prior": pose_prior,
     "shape prior": lambda b, s: ShapePrior.of_body(b.model, 2.0, 5.0, 9.0),
-    "focal prior": lambda b, s: FocalPrior(
-        normal(2, seed=17, spread=0.1), normal(2, seed=18).abs()
+    "focal prior": lambda b, s: FocalPrior(normal(2, seed=17) / 10, normal(2, seed=18).abs()),
+    "level cameras": lambda b, s: LevelCameras(
+        normalize(normal(3, seed=26), dim=0), normal(1, 3, seed=27), torch.ones(1).double(), 7.0
     ),
     "limits": lambda b, s: HingeLimits(2.0),
     "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double(), 1.0),
@@ -234,6 +237,15 @@ def test_eliminating_rigid_offsets_is_the_schur_complement() -> None:
     lost = whitened(by_offset, precision) @ frames
     expected = torch.linalg.inv(torch.linalg.inv(whole)[..., :9, :9])
     assert torch.allclose(frames.mT @ frames - lost.mT @ lost, expected, rtol=1e-9)
+
+
+def test_an_up_counts_beyond_its_deviation_and_not_where_it_is_wrong(state: MotionState) -> None:
+    turns = exp(torch.tensor([[0.04, 0.0, 0.0], [-0.04, 0.0, 0.0], [0.0, 0.0, 1.2]]).double())
+    common = LevelCameras.common(-turns[..., 1], torch.full((3,), 20.0).double())
+    assert float(common[1]) < -0.999
+    term = LevelCameras(common, state.camera_R[0] @ common, torch.tensor([20.0]), 3.0)
+    costs = [float(term.cost(replace(state, camera_R=R @ state.camera_R))[0]) for R in turns]
+    assert (costs[0], costs[2] > 1.0) == (0.0, True)
 
 
 @pytest.mark.parametrize("name", TERMS)

@@ -2,10 +2,8 @@
 example of a stage works."""
 
 import json
-import re
 from dataclasses import asdict, replace
 from pathlib import Path
-from textwrap import dedent
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,6 @@ from imocap_core.artifacts.store import Store
 from imocap_core.cli import main
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import Params
-from imocap_core.pipeline import stage
 from imocap_core.pipeline.graph import Pipeline, read_pipeline, settings
 from imocap_core.pipeline.source import PROJECT
 
@@ -151,23 +148,15 @@ videos:
 """
 
 
-def example() -> dict[str, str]:
-    """The files that the docstring shows, by their paths."""
-    text = stage.__doc__ or ""
-    block = text.split("which a test runs:\n")[1].split("\nWhat the runner promises")[0]
-    parts = re.split(r"^# ((?:pipeline\.yaml|stages/\w+\.py))$", dedent(block), flags=re.M)[1:]
-    return dict(zip(parts[::2], parts[1::2], strict=True))
-
-
 def test_the_example_runs_and_its_artifact_is_stored(tmp_path, monkeypatch):
-    files = example()
+    example = (PROJECT / "examples" / "visibility.py").read_text()
+    block = example.split("pipeline.yaml has it:\n")[1].split('"""')[0]
     graph = yaml.safe_load((PROJECT / "pipeline.yaml").read_text())
-    added = yaml.safe_load(files.pop("pipeline.yaml"))["stages"]
+    added = yaml.safe_load(block)["stages"]
     graph["stages"] = {"keypoints": graph["stages"]["keypoints"], **added}
     (tmp_path / "pipeline.yaml").write_text(yaml.safe_dump(graph, sort_keys=False))
-    (script,) = files
-    (tmp_path / script).parent.mkdir()
-    (tmp_path / script).write_text(files[script])
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "visibility.py").write_text(example)
 
     person = np.random.default_rng(0).uniform([300, 100, 0.9], [360, 260, 0.9], size=(17, 3))
     keypoints = np.tile(person, (10, 1, 1))

@@ -172,8 +172,7 @@ class Made:
                 )
             )  # fmt: skip
         return Uncertainty(
-            videos=videos, median_mm=sigma_mm, weak=[], near=[], near_limit_deg=20.0,
-            weak_limit=2.0,
+            videos=videos, median_mm=sigma_mm, weak=[], near=[],
             viewpoints=[Viewpoint(azimuth_deg=a, reduction=0.3 - a / 1800) for a in (0, 90, 180)],
             azimuth_from="performer", status="made",
         )  # fmt: skip

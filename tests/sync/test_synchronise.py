@@ -14,8 +14,7 @@ from imocap_core.sync import SyncEvidence, SyncResult, axes, reference, synchron
 
 PARAMS = SyncParams(
     method="softmap", rounds=2, warp="posterior", consensus_rounds=5,
-    orientation_window_s=1.0, evidence_per_s=15.0, unmatched_level=1.0, regularity=0.5,
-    rate_spread=0.7, rate_persistence_s=1.0, positions_per_frame=4, max_rate=np.inf,
+    evidence_per_s=15.0, unmatched_level=1.0, positions_per_frame=4, max_rate=np.inf,
     confidence_reach_s=0.1, least_difference_m=0.04, outliers="exclude",
     mirrored="flip",
 )  # fmt: skip

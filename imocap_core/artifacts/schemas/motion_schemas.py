@@ -224,8 +224,6 @@ class Uncertainty(Artifact):
     median_mm: float  # of 14 joints in all frames of all videos
     weak: list[WeakSpan]  # worst first
     near: list[NearPair]
-    near_limit_deg: float
-    weak_limit: float  # times the median
     viewpoints: list[Viewpoint]
     azimuth_from: Literal["performer", "camera"]  # what azimuth 0 faces; 90 is the performer's left
     status: str

@@ -6,7 +6,8 @@ far each performance deviates is estimated anew, and its keypoints count accordi
 
 A focal length shows in how a body's near and far parts differ in size, and in how its size changes
 along a path that the other videos see from elsewhere. Performances that differ change both for as
-long as the action lasts, so against the prior the focal likelihood counts once per action.
+long as the action lasts, so against the prior the focal likelihood counts once per action. So they
+tilt cameras: what each video alone tells of up (`terms.body_priors.LevelCameras`) holds these.
 
 A performance's per-frame rigid offset (`terms.view`) has six standard deviations a video, by
 expectation maximisation: given these, every frame's offset has a posterior; given the posteriors,
@@ -40,6 +41,7 @@ from imocap_core.motion.multiview.scene import (
 from imocap_core.motion.multiview.timeline import sample_keypoints
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, ScorePrior, Term, View
+from imocap_core.motion.terms.body_priors import LevelCameras
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
@@ -54,12 +56,15 @@ class Unknowns:
     Attributes:
         cameras: videos whose cameras are unknowns; videos: F of them, whose focal lengths are.
         assumed_px: (F,) the prior's means; weight: (F,) of the squared error of a logarithm.
+        ups: (M, 3) of all videos, each in its camera's axes; up_per_sd: (M,) 1 / rad, or 0.
     """
 
     cameras: Sequence[int] = ()
     videos: Sequence[int] = ()
     assumed_px: Float[Tensor, " F"] = field(default_factory=lambda: torch.zeros(0))
     weight: Float[Tensor, " F"] = field(default_factory=lambda: torch.zeros(0))
+    ups: Float[Tensor, "M 3"] | None = None
+    up_per_sd: Float[Tensor, " M"] = field(default_factory=lambda: torch.zeros(0))
 
     def prior(self, K: Float[Tensor, "M 3 3"]) -> list[FocalPrior]:
         """The prior of the focal lengths as a term about views with intrinsics K."""
@@ -85,7 +90,10 @@ def unknowns_of(scene: Scene, cameras: Sequence[int]) -> Unknowns:
     videos = [v for v, o in enumerate(scene.observations) if o.focal_spread > 0]
     spread = torch.tensor([scene.observations[v].focal_spread for v in videos])
     frames = len(scene.timeline.from_reference[scene.reference])
-    return Unknowns(cameras, videos, scene.K[videos, 0, 0], frames / spread**2)
+    alone = [o.up or (np.zeros(3), np.inf) for o in scene.observations]
+    ups, sd_deg = (torch.as_tensor(np.array(x)) for x in zip(*alone, strict=True))
+    assumed, per_sd = scene.K[videos, 0, 0], 1 / torch.deg2rad(sd_deg)
+    return Unknowns(cameras, videos, assumed, frames / spread**2, ups, per_sd)
 
 
 @dataclass(frozen=True)
@@ -352,7 +360,7 @@ def fit_in_stages(
         restart: pass through the wide robust scales; else the start has done so before.
         with_modes: the state is an earlier solve's, which tells how performances differ.
     """
-    start = consensus_motion(scene, state, cameras, options.agreement_rad)
+    start = consensus_motion(scene, state, cameras)
     shifts_m = mode_shifts(scene, state, cameras, start) if with_modes else None
     keypoints, unknowns = scene.keypoints, NO_UNKNOWNS
     if not cameras_known:
@@ -420,7 +428,20 @@ def common_problem(
     halves = [all_[k::HALVES] for k in range(min(HALVES, len(all_)))]
     image = [Reprojection(views.body, half, views.robust_scale) for half in halves]
     scores = [] if views.keypoints.shifts_m is None else [ScorePrior()]
-    return [*image, *unknowns.prior(cameras.K), *scores], state
+    return [*image, *unknowns.prior(cameras.K), *_level(views, unknowns), *scores], state
+
+
+def _level(views: CommonViews, unknowns: Unknowns) -> list[LevelCameras]:
+    """What the videos that show something tell of up, where two do."""
+    if unknowns.ups is None:
+        return []
+    R, weight, free = views.cameras.R, views.keypoints.weight, list(unknowns.cameras)
+    shown = torch.as_tensor((weight > 0).any(axis=(1, 2))).to(R)
+    ups, per_sd = unknowns.ups.to(R), unknowns.up_per_sd.to(R) * shown
+    if int((per_sd > 0).sum()) < 2:
+        return []
+    common = LevelCameras.common((R.mT @ ups[..., None])[..., 0], per_sd)
+    return [LevelCameras(common, ups[free], per_sd[free], weight.shape[1])]
 
 
 def fit_common_motion(

@@ -122,7 +122,7 @@ def low_rank_round(
     Args:
         pnp: refine the cameras by PnP over all frames (section 3.2, "Optimization").
     """
-    world, follows = in_world(scene, state, cameras, options.agreement_rad)
+    world, follows = in_world(scene, state, cameras)
     Z = low_rank_poses(world.R_local, follows * world.weight[..., None], options.rank)
     Y = low_rank_paths(world.root, world.weight, options.rank)
     targets = to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
@@ -134,7 +134,7 @@ def low_rank_round(
     state = solution.state
     cameras = cameras_from_motion(scene, state, cameras.K)
     if pnp:
-        common = consensus_motion(scene, state, cameras, options.agreement_rad)
+        common = consensus_motion(scene, state, cameras)
         cameras = refine_by_pnp(scene, common, cameras)
     return state, cameras, solution.costs[-1]
 
@@ -177,7 +177,7 @@ def alternated(
         progress(f"coupled fit {round_ + 1} of {options.rounds}")
         state, cameras, cost = low_rank_round(scene, state, cameras, options, pnp=round_ > 0)
         costs.append(cost)
-    common = consensus_motion(scene, state, cameras, options.agreement_rad)
+    common = consensus_motion(scene, state, cameras)
     spread = estimate_spread(scene, common, cameras)
     status = f"{options.rounds} alternations of Eq. 8"
     fit = misfit(scene, common, cameras)

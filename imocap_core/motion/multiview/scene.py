@@ -297,7 +297,7 @@ def solve(
     )
 
 
-CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
+CONSENSUS_RAD = 0.35  # angle to the consensus at which a rotation counts a quarter
 ROUNDS = 4  # of the consensus
 PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances
 
@@ -364,24 +364,15 @@ def to_world(aligned: AlignedMotions, cameras: Cameras) -> AlignedMotions:
 
 
 def agreement(
-    R: Float[Tensor, "M N J 3 3"],
-    weight: Float[Tensor, "M N"],
-    *,
-    scale_rad: float,
-    smooth_frames: int,
+    R: Float[Tensor, "M N J 3 3"], weight: Float[Tensor, "M N"]
 ) -> Float[Tensor, "M N J"]:
-    """Geman-McClure weight of each joint's angle to the mean of the OTHER videos.
+    """Geman-McClure weight of each joint's angle to the mean of the OTHER videos, averaged over
+    `SMOOTH_FRAMES`, so that monocular noise in single frames changes little.
 
     Leaving the video itself out matters with few videos: it would otherwise vote for itself.
 
     Args:
-        R: local rotations in common axes; weight: trust in each match.
-        scale_rad: angle at which the weight has fallen to a quarter.
-        smooth_frames: angles are averaged over this many frames, so that monocular noise in single
-            frames changes little.
-
-    Returns:
-        Weights in [0, 1], 0 for unmatched frames.
+        R: local rotations in common axes; weight: trust in each match, 0 gives 0.
     """
     weighted = weight[..., None, None, None] * R
     others = weighted.sum(0, keepdim=True) - weighted
@@ -389,34 +380,28 @@ def agreement(
     eye = torch.eye(3).to(R)
     consensus = project(torch.where(any_other[..., None, None, None], others, eye))
     angle = geodesic_angle(R, consensus).movedim(1, 2)  # (M, J, N)
-    angle = running_mean(angle, smooth_frames // 2).movedim(2, 1)
-    follows = geman_mcclure_weight(angle, scale_rad)
+    angle = running_mean(angle, SMOOTH_FRAMES // 2).movedim(2, 1)
+    follows = geman_mcclure_weight(angle, CONSENSUS_RAD)
     return torch.where(any_other[..., None], follows, 1.0) * (weight > 0)[..., None]
 
 
 def in_world(
-    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
+    scene: Scene, state: MotionState, cameras: Cameras
 ) -> tuple[AlignedMotions, Float[Tensor, "M N 24"]]:
     """All videos' motions at the reference's frames in the world's axes, and the weight of each
     joint: trust in the match, and how far it follows the other videos (`agreement`)."""
     world = to_world(scene.aligned(state), cameras)
-    follows = agreement(
-        world.R_local, world.weight, scale_rad=agreement_rad, smooth_frames=SMOOTH_FRAMES
-    )
-    return world, follows
+    return world, agreement(world.R_local, world.weight)
 
 
-def consensus_motion(
-    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
-) -> MotionState:
+def consensus_motion(scene: Scene, state: MotionState, cameras: Cameras) -> MotionState:
     """The mean motion of all videos at the reference's frames (batch of 1, world axes). Frames that
     only one video shows continue from the last shared one, so that no limb jumps in depth.
 
     Args:
         state: every video's motion in its own camera's axes.
-        agreement_rad: a joint that differs by more than this from the others counts little.
     """
-    world, follows = in_world(scene, state, cameras, agreement_rad)
+    world, follows = in_world(scene, state, cameras)
     R = chordal_mean(world.R_local, follows * world.weight[..., None])
     together = (world.weight > 0).sum(dim=0) > 1
     if together.any():

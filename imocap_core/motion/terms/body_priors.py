@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from imocap_core.body import Model
 from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
@@ -22,7 +23,8 @@ from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.motion.terms.base import OneForAll
-from imocap_core.rotations import for_processor, inverse_right_jacobian
+from imocap_core.robust import geman_mcclure
+from imocap_core.rotations import for_processor, hat, inverse_right_jacobian
 from imocap_core.workers import compiled
 
 
@@ -238,6 +240,61 @@ class FocalPrior(OneForAll):
         columns = slice(first, first + len(self.weight))
         torch.diagonal(normal.corner, dim1=-2, dim2=-1)[:, columns] += self.weight
         normal.corner_gradient[:, columns] += self.weight * (state.log_focal - self.assumed)
+
+
+_UP_SIGMAS, _UP_ROUNDS = 3.0, 5  # Geman-McClure scale: a video's up may be wrong altogether
+
+
+@dataclass(frozen=True)
+class LevelCameras(OneForAll):
+    """Free cameras turn the world's up to where each one's video alone has it.
+
+    ``count * sum_c rho(max(0, |R_c up - alone_c| / sd_c - 1)^2)``: within its standard deviation a
+    video's up is less certain than what all videos show.
+
+    Attributes:
+        up: (3,) of the world; alone: (C, 3) in the axes of the cameras.
+        per_sd: (C,) 1 / rad; count: observations that one is worth.
+    """
+
+    up: Float[Tensor, "3"]
+    alone: Float[Tensor, "C 3"]
+    per_sd: Float[Tensor, " C"]
+    count: float
+
+    @staticmethod
+    def common(ups: Float[Tensor, "M 3"], per_sd: Float[Tensor, " M"]) -> Float[Tensor, "3"]:
+        """The robust mean of ups in the world; per_sd: 0 where one is unknown."""
+        up = robust = torch.ones_like(per_sd)
+        for _ in range(_UP_ROUNDS):
+            up = normalize((robust * per_sd**2) @ ups, dim=0)
+            squares = per_sd**2 * (ups - up).square().sum(-1)
+            robust = geman_mcclure(squares, _UP_SIGMAS)[1]
+        return up
+
+    def _off(self, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
+        """Up in the axes of the cameras (B, C, 3), how far off it is, and in deviations (B, C)."""
+        turned = state.camera_R @ self.up
+        off = turned - self.alone
+        return turned, off, self.per_sd * off.norm(dim=-1)
+
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
+        excess = (self._off(state)[2] - 1).clamp_min(0.0)
+        return self.count * geman_mcclure(excess.square(), _UP_SIGMAS)[0].sum(-1)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """Blocks of the cameras' rotations."""
+        turned, off, deviations = self._off(state)
+        excess = (deviations - 1).clamp_min(0.0)
+        robust = geman_mcclure(excess.square(), _UP_SIGMAS)[1]
+        weight = self.count * self.per_sd**2 * robust * excess / deviations.clamp_min(1.0)
+        J = -hat(turned)
+        for c in range(len(self.alone)):
+            rows = slice(first := state.camera_columns(c).start, first + 3)
+            normal.corner[:, rows, rows] += weight[:, c, None, None] * (J[:, c].mT @ J[:, c])
+            pull = (J[:, c].mT @ off[:, c, :, None])[..., 0]
+            normal.corner_gradient[:, rows] += weight[:, c, None] * pull
 
 
 class ScorePrior(OneForAll):

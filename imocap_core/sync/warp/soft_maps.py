@@ -96,6 +96,8 @@ def evidence_of_match(
 
 # cost of a frame of the other video left over at an end, as a share of that of a matching pair
 SKIPPED_SHARE = 0.3
+# Share of warps whose rate changes slowly, spread of a rate's logarithm, and how long it persists
+_REGULARITY, _RATE_SPREAD, _RATE_PERSISTENCE_S = 0.5, 0.7, 1.0
 # a frame of other content (a cutaway, a wrong person) rules no position out: at most this much more
 # squared distance counts than at its nearest pose, in units of that of matching frames
 FARTHEST = 5.0
@@ -150,8 +152,8 @@ def soft_map(
         return posterior, matched
     prior = rate_prior(
         usual=usual,
-        spread=params.rate_spread,
-        persistence_s=params.rate_persistence_s,
+        spread=_RATE_SPREAD,
+        persistence_s=_RATE_PERSISTENCE_S,
         max_rate=params.max_rate,
         fps=clock.fps,
     )
@@ -242,7 +244,7 @@ def _map_of_every(
         clocks.pair(i, j, n),
         params,
         per_frame=1,
-        smooth_rate_share=params.regularity,
+        smooth_rate_share=_REGULARITY,
     )
 
 
