@@ -330,14 +330,14 @@ def count_findings(
         if not _SINGLE < cut.score < _COUNTED:
             counts[video.id] = len(cut.spans) if cut.score >= _COUNTED else 1
     fewest = min(counts, key=lambda video: counts[video], default="")
+    many = listed([video for video, count in counts.items() if count > 1])
     return [
         Finding(
             "time",
             video,
-            f"shows the action {count} times and {fewest} only {counts[fewest]}: one time axis "
-            "stretches these over all",
+            f"shows the action {count} times, {fewest} only {counts[fewest]}, stretched over all",
             f"shows the action {count} times, {fewest} fewer",
-            "`repetitions: true` in action.yaml cuts it into performances of one repetition each",
+            f"`repetitions: true` in action.yaml, for {many}, makes each repetition a performance",
         )
         for video, count in counts.items()
         if count >= 2 * counts[fewest]
