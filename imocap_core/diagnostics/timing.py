@@ -322,22 +322,22 @@ _COUNTED, _SINGLE = 0.75, 0.5  # score of repetitions that nobody declared; of a
 def count_findings(
     videos: Sequence[VideoKeypoints], cameras: Sequence[VideoCameraMotion]
 ) -> list[Finding]:
-    """Videos that show the action at least twice as often as another one: one time axis stretches
-    the fewer repetitions over all."""
+    """Videos that show the action at least twice as often as another one, on one time axis."""
     counts = {}
     for video, camera in zip(videos, cameras, strict=False):
         cut = find_picture_repetitions(camera.xy_first_px, video.confidence, video.fps)
         if not _SINGLE < cut.score < _COUNTED:
             counts[video.id] = len(cut.spans) if cut.score >= _COUNTED else 1
     fewest = min(counts, key=lambda video: counts[video], default="")
-    many = listed([video for video, count in counts.items() if count > 1])
+    repeated = [video for video, count in counts.items() if count > 1]
+    where = f" for {listed(repeated)}" if len(repeated) > 1 else ""
     return [
         Finding(
             "time",
             video,
             f"shows the action {count} times, {fewest} only {counts[fewest]}, stretched over all",
             f"shows the action {count} times, {fewest} fewer",
-            f"`repetitions: true` in action.yaml, for {many}, makes each repetition a performance",
+            f"`repetitions: true`{where} in action.yaml makes each repetition a performance",
         )
         for video, count in counts.items()
         if count >= 2 * counts[fewest]
