@@ -316,7 +316,8 @@ def _repetition_finding(video: VideoTrust, reference: str) -> Finding:
     )
 
 
-_COUNTED, _SINGLE = 0.75, 0.5  # score of repetitions that nobody declared; of a single one at most
+# Score of repetitions that nobody declared, of a single one at most; how much of a video is counted
+_COUNTED, _SINGLE, _COUNTED_S = 0.75, 0.5, 30.0
 
 
 def count_findings(
@@ -325,7 +326,8 @@ def count_findings(
     """Videos that show the action at least twice as often as another one, on one time axis."""
     counts = {}
     for video, camera in zip(videos, cameras, strict=False):
-        cut = find_picture_repetitions(camera.xy_first_px, video.confidence, video.fps)
+        some, fps = slice(round(_COUNTED_S * video.fps)), video.fps
+        cut = find_picture_repetitions(camera.xy_first_px[some], video.confidence[some], fps)
         if not _SINGLE < cut.score < _COUNTED:
             counts[video.id] = len(cut.spans) if cut.score >= _COUNTED else 1
     fewest = min(counts, key=lambda video: counts[video], default="")

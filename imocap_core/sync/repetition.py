@@ -189,7 +189,7 @@ HOLD_SHARE = 0.15  # of the typical speed: a hold passes at this rate, not at no
 FASTEST_SHARE = 2.0
 STILL_SHARE = 0.25  # of the typical speed: below it a repetition has ended or not begun
 NEAR_BEST = 0.97  # templates that explain this share of what the best one does are as good
-MAX_STARTS = 250  # start positions of templates that are tried at most
+MAX_STARTS, _PICTURE_STARTS = 250, 50  # start positions of templates that are tried at most
 _LEAST_SCORE = 0.6  # of the clip's motion one repetition must explain of the others
 _LEAST_QUALITY = 0.4  # of an occurrence's poses the template must explain
 # squared distance up to which a pose is explained: share of the way from its nearest pose to others
@@ -217,22 +217,21 @@ class Repetitions:
 def find_picture_repetitions(
     xy_px: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], fps: float
 ) -> Repetitions:
-    """Like `find_repetitions`, by the keypoints of a video whose performer repeats the action in
-    the same direction. They lack the errors of a monocular depth."""
+    """The same by keypoints, which lack errors of depth, of a performer who keeps his direction."""
     flat = np.pad(xy_px, ((0, 0), (0, 0), (0, 1)))
     flat[confidence < _LEAST_CONFIDENCE] = np.nan
-    return find_repetitions(flat, fps, turned=False)
+    return find_repetitions(flat, fps, turned=False, starts=_PICTURE_STARTS)
 
 
 def find_repetitions(
-    poses: Float[np.ndarray, "T J 3"], fps: float, *, turned: bool = True
+    poses: Float[np.ndarray, "T J 3"], fps: float, turned: bool = True, starts: int = MAX_STARTS
 ) -> Repetitions:
     """Cut a clip into the repetitions of its dominant action; their number is not given.
 
     Args:
         poses: any unit, axes and origin; NaN = missing.
         fps: frames a second.
-        turned: whether poses are equal that are turned against each other.
+        turned: whether poses that are turned are equal; starts: of templates, at most.
     """
     whole = ((0, len(poses)),)
     smooth = _smoothed(poses, SMOOTH_S * fps)
@@ -246,15 +245,14 @@ def find_repetitions(
         _similarity(_squares(smooth[samples], turned), shortest, _MATCH_LEVEL),
         shortest=shortest,
         longest=max(shortest, round(0.6 * len(samples))),
-        stride=-(-len(samples) // MAX_STARTS),
+        stride=-(-len(samples) // starts),
         least_quality=_LEAST_QUALITY,
         cut_cost=speed[samples] / typical,
         near_best=NEAR_BEST,
     )
     score = template.explained / max(len(samples) - template.samples, 1) if template else 0.0
     if template is None or score < _LEAST_SCORE or len(template.spans) < 2:
-        status = f"no repetitions: score {score:.2f} < {_LEAST_SCORE:g}"
-        return Repetitions(whole, score, status)
+        return Repetitions(whole, score, f"no repetitions: score {score:.2f} < {_LEAST_SCORE:g}")
     motion = speed - STILL_SHARE * typical
     edges = np.append(samples, len(poses))
     spans = tuple(_trimmed(int(edges[a]), int(edges[b]), motion) for a, b in template.spans)
