@@ -15,8 +15,8 @@ from stages import camera_motion
 from tests.made_keypoints import made_keypoints
 
 SIZE, FRAMES = (320, 180), 10
-LOOK = CameraMotionParams(working_size_px=160, max_features=150, min_inliers=15,
-                          reprojection_threshold_px=2.0, assumed_focal_factor=1.0)  # fmt: skip
+PARAMS = Params(camera_motion=CameraMotionParams(working_size_px=160, max_features=150,
+    min_inliers=15, reprojection_threshold_px=2.0, assumed_focal_factor=1.0))  # fmt: skip
 
 
 def keypoints_of(video, first=0, focal_px=None, distortion=None):
@@ -31,7 +31,7 @@ def keypoints_of(video, first=0, focal_px=None, distortion=None):
     return Keypoints(videos=[video])
 
 
-def run(folder, keypoints):
+def run(folder, keypoints, params=PARAMS):
     declared = Declaration(id="v1", video=keypoints.videos[0].video, fps=30.0, size=SIZE,
                            keypoints="k", format="openpose", layout="body25")  # fmt: skip
     context = Context(
@@ -39,7 +39,7 @@ def run(folder, keypoints):
         progress=lambda share, what: None, _action=Action(folder, "made", (declared,)),
     )  # fmt: skip
     inputs = Inputs("camera_motion", {}, {Keypoints: keypoints})
-    return camera_motion.run(context, inputs, Params(camera_motion=LOOK)).videos[0]
+    return camera_motion.run(context, inputs, params).videos[0]
 
 
 def write_pan(file, bar):
