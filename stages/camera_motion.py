@@ -33,7 +33,6 @@ from imocap_core.workers import cores
 
 MOST_KEPT_BYTES = 64 * 2**20  # grey pictures of one video that are kept from one use to the next
 BAR_PICTURES = 24  # bars are looked for in
-BAR_STEP = 10  # pictures from one to the next of these, at the start of a long video
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
@@ -122,8 +121,8 @@ def _small_pictures(
 
     few = (stop - first) * scale**2 * video.size[0] * video.size[1] <= MOST_KEPT_BYTES
     pictures = list(decoded()) if few else []
-    step = max(1, (stop - first) // BAR_PICTURES) if few else BAR_STEP
-    filmed = filmed_part(list(islice(pictures or decoded(), 0, BAR_PICTURES * step, step)))
+    step = max(1, (stop - first) // BAR_PICTURES)
+    filmed = filmed_part(islice(pictures or decoded(), 0, None, step))
     return lambda: (filmed.alone(picture) for picture in pictures or decoded()), filmed
 
 

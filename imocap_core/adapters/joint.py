@@ -178,8 +178,10 @@ def problem_of(
         participants.initial.path_units,
     )
     swaps, videos = hypotheses.left_right_swaps(initial, chosen), participants.keypoints.videos
-    grounds = zip(videos, participants.initial.grounds, strict=False)
-    ups = {video.id: (ground.up, ground.tilt_sd_deg) for video, ground in grounds}
+    ups = {}
+    for video, ground in zip(initial.videos, initial.grounds, strict=False):
+        side = -1.0 if video.id in participants.mirrored else 1.0
+        ups[video.id] = ground.up * [side, 1.0, 1.0], ground.tilt_sd_deg
     observations = [
         replace(o, swapped=swaps.get(video.id), up=ups.get(video.id))
         for o, video in zip(observations, videos, strict=True)

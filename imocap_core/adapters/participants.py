@@ -19,7 +19,6 @@ from imocap_core.adapters.relative_motion import paths_of_initial
 from imocap_core.artifacts.schemas import (
     Camera,
     CameraMotion,
-    GroundPlane,
     InitialSmpl,
     Keypoints,
     SmplBa,
@@ -122,22 +121,19 @@ def participants_of(
 ) -> Participants:
     """The participants according to a synchronisation; `body` with SMPL's joints."""
     flips, out = frozenset(sync.mirrored), frozenset(sync.excluded)
-    detections, cameras, motions, grounds = [], [], [], list[GroundPlane]()
+    detections, cameras, motions = [], [], []
     rows = zip(keypoints.videos, camera_motion.videos, initial.videos, strict=True)
-    for number, (video, camera, motion) in enumerate(rows):
+    for video, camera, motion in rows:
         if video.id in out:
             continue
         flip = video.id in flips
-        for ground in initial.grounds[number : number + 1]:
-            up = ground.up * [-1.0, 1.0, 1.0] if flip else ground.up
-            grounds.append(ground.model_copy(update={"up": up}))
         detections.append(mirrored_keypoints(video, camera.K) if flip else video)
         cameras.append(mirrored_detections(camera, video.layout) if flip else camera)
         motions.append(mirrored_motion(motion, body) if flip else motion)
     return Participants(
         keypoints=Keypoints(videos=detections),
         camera_motion=CameraMotion(videos=cameras),
-        initial=initial.model_copy(update={"videos": motions, "grounds": grounds}),
+        initial=initial.model_copy(update={"videos": motions}),
         all_initial=initial,
         all_cameras=camera_motion,
         mirrored=flips - out,

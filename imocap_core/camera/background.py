@@ -11,7 +11,7 @@ drift; it ends where it leaves the picture, is covered, or no longer looks the s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -37,8 +37,7 @@ _EDGE_CHANGES = 0.3  # of the film's pixels along a bar: its camera moves
 
 @dataclass(frozen=True)
 class FilmedPart:
-    """Rows and columns of a picture of ``shape`` (height, width) that are filmed: all of them where
-    no film was put into a frame of another shape."""
+    """Rows and columns of a picture of ``shape`` (height, width) that lie between black bars."""
 
     shape: tuple[int, ...]
     rows: slice
@@ -58,20 +57,20 @@ class FilmedPart:
         return alone
 
 
-def filmed_part(pictures: Sequence[UInt8[np.ndarray, "H W"]]) -> FilmedPart:
-    """What is filmed of a video's pictures: they lie between black bars where they were put into a
-    frame of another shape. Bars are equally wide on both sides, and black in all pictures. Captions
-    in them, which never change, are told from the film where its camera moves.
-
-    Args:
-        pictures: grey, of one size, some of one video.
-    """
-    shown = np.stack(pictures)
+def filmed_part(pictures: Iterator[UInt8[np.ndarray, "H W"]]) -> FilmedPart:
+    """What is filmed of some grey pictures of a video, of which only the first is looked at where
+    it has no black edges. Bars are equally wide on both sides, and black in all pictures. Captions
+    in them, which never change, are told from the film where its camera moves."""
+    first = next(pictures, np.full((1, 1), 255, np.uint8))
+    dark = first <= _BAR_LEVEL
+    if max(dark[[0, -1]].mean(), dark[:, [0, -1]].mean()) < 1 - _BAR_SHARE:
+        return FilmedPart(dark.shape, *(slice(0, side) for side in dark.shape))
+    shown = np.stack([first, *pictures])
     highest = shown.max(axis=0)
     bright = highest > _BAR_LEVEL
     changes = bright & (highest - shown.min(axis=0) > _BAR_LEVEL)
-    rows, columns = (_between_bars(bright.mean(axis), changes.mean(axis)) for axis in (1, 0))
-    return FilmedPart(bright.shape, rows, columns)
+    sides = (_between_bars(bright.mean(axis), changes.mean(axis)) for axis in (1, 0))
+    return FilmedPart(bright.shape, *sides)
 
 
 def _between_bars(bright: Float[np.ndarray, " n"], changes: Float[np.ndarray, " n"]) -> slice:

@@ -149,6 +149,7 @@ def verdict_of(
     cameras = [] if camera_motion is None else camera_motion.videos
     view = view_findings(motion, sync, left_out_in_turn)
     timing = timing_findings(sync, keypoints.videos, predicted)
+    doubted = any(finding.serious for finding in timing)
     findings = [
         *left_out_findings(keypoints),
         *decision_findings(sync),
@@ -156,7 +157,7 @@ def verdict_of(
         *view,
         *hidden_findings(sync, videos),
         *up_findings(motion, sync, cameras),
-        *(count_findings(keypoints.videos, cameras) if any(f.serious for f in timing) else []),
+        *(count_findings(keypoints.videos, cameras, sync.used) if doubted else []),
         *collapse_findings(sync, videos),
         *timing,
         *repetition_findings(sync),

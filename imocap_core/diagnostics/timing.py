@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from math import remainder
 
 import numpy as np
@@ -321,14 +321,14 @@ _COUNTED, _SINGLE, _COUNTED_S = 0.75, 0.5, 30.0
 
 
 def count_findings(
-    videos: Sequence[VideoKeypoints], cameras: Sequence[VideoCameraMotion]
+    videos: Sequence[VideoKeypoints], cameras: Sequence[VideoCameraMotion], used: Collection[str]
 ) -> list[Finding]:
-    """Videos that show the action at least twice as often as another one, on one time axis."""
+    """Videos, of those that are used, with at least twice as many repetitions as another one."""
     counts = {}
     for video, camera in zip(videos, cameras, strict=False):
         some, fps = slice(round(_COUNTED_S * video.fps)), video.fps
         cut = find_picture_repetitions(camera.xy_first_px[some], video.confidence[some], fps)
-        if not _SINGLE < cut.score < _COUNTED:
+        if video.id in used and not _SINGLE < cut.score < _COUNTED:
             counts[video.id] = len(cut.spans) if cut.score >= _COUNTED else 1
     fewest = min(counts, key=lambda video: counts[video], default="")
     repeated = [video for video, count in counts.items() if count > 1]
@@ -337,8 +337,8 @@ def count_findings(
         Finding(
             "time",
             video,
-            f"shows the action {count} times, {fewest} only {counts[fewest]}, stretched over all",
-            f"shows the action {count} times, {fewest} fewer",
+            f"shows {count} repetitions of the action, {fewest} only {counts[fewest]}",
+            f"{count} repetitions, fewer in {fewest}",
             f"`repetitions: true`{where} in action.yaml makes each repetition a performance",
         )
         for video, count in counts.items()

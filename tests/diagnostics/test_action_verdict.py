@@ -168,8 +168,8 @@ def test_a_video_that_fits_a_repetition_later_as_well_is_named(made: Made) -> No
 def test_more_repetitions_are_named(made: Made, monkeypatch: Any, score: float) -> None:
     cuts = iter([Repetitions(((0, 9),), 0.2, ""), Repetitions(((0, 9),) * 3, score, "")])
     monkeypatch.setattr(timing, "find_picture_repetitions", lambda *_: next(cuts))
-    findings = timing.count_findings(made.keypoints.videos[:2], made.camera_motion.videos)
-    named = [("shows the action 3 times, v1 fewer", True)] if score > 0.7 else []
+    findings = timing.count_findings(made.keypoints.videos[:2], made.camera_motion.videos, made.ids)
+    named = [("3 repetitions, fewer in v1", True)] if score > 0.7 else []
     assert [(f.brief, "`repetitions: true`" in f.remedy) for f in findings] == named
 
 

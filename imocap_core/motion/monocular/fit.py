@@ -103,7 +103,7 @@ def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -
         PoseSmoothness(
             weights.velocity / step**2, weights.acceleration / bend**2, weights.acceleration_scale
         ),
-        PathSmoothness((fps / 100.0) ** 2, (fps**2 / weights.path_acceleration_m_s2) ** 2),
+        PathSmoothness((fps / 100.0) ** 2, (fps**2 / weights.path_acceleration_m_s2) ** 2),  # m/s
     ]
 
 
