@@ -217,7 +217,7 @@ class Repetitions:
 def find_picture_repetitions(
     xy_px: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], fps: float
 ) -> Repetitions:
-    """The same by keypoints, which lack errors of depth, of a performer who keeps his direction."""
+    """The same from 2D keypoints, which have no depth errors; the performer faces one way."""
     flat = np.pad(xy_px, ((0, 0), (0, 0), (0, 1)))
     flat[confidence < _LEAST_CONFIDENCE] = np.nan
     return find_repetitions(flat, fps, turned=False, starts=_PICTURE_STARTS)

@@ -6,8 +6,8 @@ far each performance deviates is estimated anew, and its keypoints count accordi
 
 A focal length shows in how a body's near and far parts differ in size, and in how its size changes
 along a path that the other videos see from elsewhere. Performances that differ change both for as
-long as the action lasts, so against the prior the focal likelihood counts once per action. So they
-tilt cameras: what each video alone tells of up (`terms.body_priors.LevelCameras`) holds these.
+long as the action lasts, so against the prior the focal likelihood counts once per action. They
+tilt cameras too, which `terms.body_priors.LevelCameras` keeps near the up of each video alone.
 
 A performance's per-frame rigid offset (`terms.view`) has six standard deviations a video, by
 expectation maximisation: given these, every frame's offset has a posterior; given the posteriors,
@@ -432,7 +432,7 @@ def common_problem(
 
 
 def _level(views: CommonViews, unknowns: Unknowns) -> list[LevelCameras]:
-    """What the videos that show something tell of up, where two do."""
+    """The prior of level cameras, where at least two videos with keypoints tell up."""
     if unknowns.ups is None:
         return []
     R, weight, free = views.cameras.R, views.keypoints.weight, list(unknowns.cameras)

@@ -247,7 +247,7 @@ _UP_SIGMAS, _UP_ROUNDS = 3.0, 5  # Geman-McClure scale: a video's up may be wron
 
 @dataclass(frozen=True)
 class LevelCameras(OneForAll):
-    """Free cameras turn the world's up to where each one's video alone has it.
+    """Prior of level cameras: each sees the world's up near the one that its video alone gives.
 
     ``count * sum_c rho(max(0, |R_c up - alone_c| / sd_c - 1)^2)``: within its standard deviation a
     video's up is less certain than what all videos show.
