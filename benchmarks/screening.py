@@ -20,8 +20,6 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import Params, SyncParams
 from imocap_core.pipeline.runner import Display
 from imocap_core.sync import SyncEvidence, screened
-from imocap_core.sync.screening.mirror import agreed
-from imocap_core.sync.screening.pose_evidence import WeightedPoses, mirror_kinds, thinned
 from imocap_core.sync.screening.screening import Screening
 from imocap_core.workspace import Workspace
 
@@ -40,17 +38,15 @@ CLIPS = (
 )  # in an order drawn once: every part of it has all kinds
 SCENES_PER_CAST = screening_casts.MIRRORED_FILMS
 VIDEOS = (3, 9)
-ASYMMETRIC = 0.25  # true margin: walks, jumps and squats have up to 0.18, other actions from 0.28
-TRUE_FILMS = 3  # of a cast, that tell its true margin
-MAX_RATE = 4.0
+TRUE_FILMS = 3  # of a cast, that tell whether its action is asymmetric
 
 
 @dataclass(frozen=True)
 class ScreeningScene:
     """Videos of one action, what replaces one of them, and the mirrored twin of another.
 
-    development: whether margins were chosen on it. true_margin: by how much (logarithm) the true
-    poses fit better as they are than reflected.
+    development: whether margins were chosen on it. asymmetric: whether true poses tell the action
+    from its mirror image.
     """
 
     name: str
@@ -60,12 +56,7 @@ class ScreeningScene:
     stranger: screening_casts.FittedFilm
     flipped: int
     mirrored: screening_casts.FittedFilm
-    true_margin: float
-
-    @property
-    def is_asymmetric(self) -> bool:
-        """Whether true poses tell the action from its mirror image."""
-        return self.true_margin >= ASYMMETRIC
+    asymmetric: bool
 
     def with_stranger(self) -> list[screening_casts.FittedFilm]:
         """The videos, one of them replaced by one of another action."""
@@ -80,11 +71,11 @@ def scenes_of(casts: Sequence[screening_casts.FittedCast]) -> list[ScreeningScen
     """Two scenes of every cast; every second cast is for development."""
     scenes = []
     for number, cast in enumerate(casts):
-        margin = true_mirror_margin(cast)
+        asymmetric = is_asymmetric(cast)
         strangers = [other for other in casts if are_strangers(cast.clip, other.clip)]
         for variant in range(SCENES_PER_CAST if strangers else 0):
             rng = video_rng(f"scene {cast.clip}", variant, 0)
-            scenes.append(_scene(cast, variant, strangers, rng, margin, number % 2 == 0))
+            scenes.append(_scene(cast, variant, strangers, rng, asymmetric, number % 2 == 0))
     return scenes
 
 
@@ -94,15 +85,15 @@ def are_strangers(clip: str, other: str) -> bool:
     return not of_one_subject and not (clip in WALKS and other in WALKS)
 
 
-def true_mirror_margin(cast: screening_casts.FittedCast) -> float:
-    """Margin of true poses against their mirror images, the weakest kind of evidence."""
-    joints = [film.true_joints_m for film in cast.films[:TRUE_FILMS]]
-    fps = [film.keypoints.fps for film in cast.films[:TRUE_FILMS]]
-    thin, weights, rates = thinned(joints, [np.ones(x.shape[:2]) for x in joints], fps)
-    plain = WeightedPoses(thin, weights)
-    reflected = WeightedPoses([screening_casts.mirrored_performance(x) for x in thin], weights)
-    evidence = agreed(mirror_kinds(plain, reflected, rates, MAX_RATE))
-    return float(evidence[~np.eye(len(evidence), dtype=bool)].mean())
+def is_asymmetric(cast: screening_casts.FittedCast) -> bool:
+    """Whether true poses tell the action from its mirror image."""
+    films = cast.films[:TRUE_FILMS]
+    evidence = SyncEvidence(
+        [film.true_joints_m for film in films],
+        fps=[film.keypoints.fps for film in films],
+        twins=mirror_indices(SMPL_JOINTS),
+    )
+    return not screened(evidence, Params().sync).symmetric
 
 
 def _scene(
@@ -110,7 +101,7 @@ def _scene(
     variant: int,
     strangers: Sequence[screening_casts.FittedCast],
     rng: np.random.Generator,
-    margin: float,
+    asymmetric: bool,
     development: bool,
 ) -> ScreeningScene:
     count = int(rng.integers(VIDEOS[0], VIDEOS[1] + 1))
@@ -127,7 +118,7 @@ def _scene(
         stranger=other.films[int(rng.integers(len(other.films)))],
         flipped=chosen.index(variant),
         mirrored=cast.mirrored[variant],
-        true_margin=margin,
+        asymmetric=asymmetric,
     )
 
 
@@ -174,7 +165,7 @@ def measure(scene: ScreeningScene, params: SyncParams) -> SceneRow:
         scene=scene.name,
         development=scene.development,
         videos=len(scene.genuine),
-        asymmetric=scene.is_asymmetric,
+        asymmetric=scene.asymmetric,
         clean_excluded=len(clean.excluded),
         clean_flipped=len(clean.flipped),
         stranger=_named([scene.replaced]),
@@ -183,7 +174,7 @@ def measure(scene: ScreeningScene, params: SyncParams) -> SceneRow:
         mirrored_flipped=_named(mirrored.flipped),
         mirrored_excluded=_named(mirrored.excluded),
         wrongly_treated=sum(wrong),
-        near_symmetric_flips=0 if scene.is_asymmetric else flips,
+        near_symmetric_flips=0 if scene.asymmetric else flips,
     )
 
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from imocap_core.adapters.event import as_one_event, calibrated_round
 from imocap_core.adapters.ground import with_ground, with_hands_on_ground
 from imocap_core.adapters.hints import hints_of, with_sound
+from imocap_core.adapters.hypotheses import unfit_videos
 from imocap_core.adapters.joint import JointProblem, problem_of, shows_one_motion
 from imocap_core.adapters.loop_sync import (
     LoopSync,
@@ -96,7 +97,7 @@ def _loop_sync(
     if sound_start_s is not None:
         hints = with_sound(hints, sound_start_s, keypoints)
     monocular = [video.joints for video in initial.videos]
-    evidence = evidence_of(monocular, keypoints, params.sync, hints)
+    evidence = evidence_of(monocular, keypoints, hints, unfit=unfit_videos(initial))
     return LoopSync(
         keypoints,
         inputs.get(CameraMotion),

@@ -21,14 +21,14 @@ PAGES += ("imocap_core/**/*.md",)
 CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
-    "files of the core": 336,
-    "lines of the core": 70_316,
+    "files of the core": 334,
+    "lines of the core": 69_780,
     "packages of the core": 40,
-    "public names of the core": 3_959,
+    "public names of the core": 3_922,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
-    "lines of the tests": 41_503,
+    "lines of the tests": 41_350,
     "words of the documentation": 37_653,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8

@@ -23,9 +23,10 @@ from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms import Reprojection, View
 from imocap_core.params import FitParams
 from imocap_core.render import draw_mesh
+from imocap_core.sync.maps import whole_band
 from imocap_core.sync.screening.registration import warp_costs
 from imocap_core.sync.warp.dtw import dtw
-from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.monotone import banded_posterior
 from imocap_core.sync.warp.rate import heavy_tailed_prior, rate_posterior
 
 FRAMES = 4
@@ -65,7 +66,7 @@ def main() -> int:
     """All of them; 1: one is missing here."""
     body = Body.of(load_free_body(dtype=torch.float64), "body25")
     compile_fit(body)
-    monotone_posterior(np.ones((FRAMES, FRAMES)), unmatched=np.inf)
+    banded_posterior(whole_band(np.ones((FRAMES, FRAMES))), unmatched=np.inf)
     rate_posterior(np.ones((FRAMES, FRAMES)), heavy_tailed_prior(1.0, 0.1), unmatched=1.0)
     warp_costs(np.ones((1, FRAMES, FRAMES)))
     dtw(np.ones((FRAMES, FRAMES)))

@@ -29,6 +29,9 @@ from imocap_core.sync.hypotheses import (
 from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
 
 FIRST = "best"  # name of the motion of lowest cost
+MISFIT = (
+    0.085  # error of hidden limbs above which detections fit no body: 0.07 and 0.10 on real ones
+)
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,13 @@ class ChosenAlternatives:
 
     names: dict[str, str]
     notes: list[str]
+
+
+def unfit_videos(initial: InitialSmpl) -> list[int]:
+    """Numbers of the videos whose detections fit no body; none where fewer than two others do."""
+    errors = [initial.limb_errors.get(video.id, np.nan) for video in initial.videos]
+    unfit = [v for v, error in enumerate(errors) if error > MISFIT]
+    return unfit if len(errors) - len(unfit) >= 2 else []
 
 
 def chosen_motions(initial: InitialSmpl, chosen: Mapping[str, str]) -> list[VideoMotion]:
@@ -98,13 +108,17 @@ def choose_alternatives(
     """
     if not initial.alternatives:
         return ChosenAlternatives({}, [])
-    ids = [motion.id for motion in initial.videos]
+    unfit = unfit_videos(initial)
+    rows = [
+        row
+        for v, row in enumerate(zip(initial.videos, keypoints.videos, mirrored, strict=True))
+        if v not in unfit
+    ]
+    ids = [motion.id for motion, *_ in rows]
     others = [[a for a in initial.alternatives if a.motion.id == i] for i in ids]
     candidates = [
         candidates_of(motion, of_video, video, reflect=bool(declared))
-        for motion, of_video, video, declared in zip(
-            initial.videos, others, keypoints.videos, mirrored, strict=True
-        )
+        for of_video, (motion, video, declared) in zip(others, rows, strict=True)
     ]
     choice = choose_jointly(candidates)
     labels = [[FIRST, *(a.name for a in of_video)] for of_video in others]

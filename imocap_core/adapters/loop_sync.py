@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.adapters.hints import with_one_offset
-from imocap_core.adapters.hypotheses import chosen_motions, explained_keypoints
+from imocap_core.adapters.hypotheses import chosen_motions, explained_keypoints, unfit_videos
 from imocap_core.adapters.joint import JointProblem, is_one_motion, shows_one_motion
 from imocap_core.adapters.synchronisation import evidence_of, summary_of, synchronise_motions
 from imocap_core.artifacts.schemas import (
@@ -213,7 +213,8 @@ class LoopSync:
         first = single_pass.sync
         joints = problem.filmed_joints(single_pass.motion)
         keypoints = explained_keypoints(self.initial, self.keypoints, first.alternatives)
-        evidence = evidence_of(joints, keypoints, self.params, self.hints, self.cameras)
+        unfit = unfit_videos(self.initial)
+        evidence = evidence_of(joints, keypoints, self.hints, self.cameras, unfit)
         evidence = replace(evidence, mirrored=self.declared, rates=self.rates)
         return decided_again(first, screened(evidence, self.params))
 
@@ -228,7 +229,7 @@ class LoopSync:
         pictures = self.by_pictures and several and shows_one_motion(motion)
         joints = problem.filmed_joints(motion)
         evidence = replace(
-            evidence_of(joints, self.keypoints, self.params, self.hints, self.cameras),
+            evidence_of(joints, self.keypoints, self.hints, self.cameras),
             reprojection=problem.reprojection_evidence(motion) if pictures else None,
             rates=self.rates,
         )
@@ -239,7 +240,7 @@ class LoopSync:
         chosen = decided.alternatives
         joints = [motion.joints for motion in chosen_motions(self.initial, chosen)]
         keypoints = explained_keypoints(self.initial, self.keypoints, chosen)
-        evidence = evidence_of(joints, keypoints, self.params, self.hints, self.cameras)
+        evidence = evidence_of(joints, keypoints, self.hints, self.cameras)
         return self._synchronised(evidence, keypoints, decided, reference)
 
     def _synchronised(

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.adapters.estimates import Estimate
 from imocap_core.adapters.ground import grounds_of
-from imocap_core.adapters.hypotheses import FIRST, candidates_of
+from imocap_core.adapters.hypotheses import FIRST, candidates_of, unfit_videos
 from imocap_core.adapters.observations import (
     alternatives_of,
     fit_of_single_views,
@@ -45,6 +45,7 @@ from imocap_core.motion.monocular.fit import (
     estimate_path_unit,
     fit_monocular,
     guessed_unit,
+    predicted_limbs,
     with_unit,
 )
 from imocap_core.motion.monocular.hypotheses import alternatives, from_starts
@@ -285,6 +286,7 @@ def fit_single_video(
         stride=single.stride(options), max_steps=options.max_steps, progress=progress,
     )  # fmt: skip
     motions = motions_of(body, solved.state, observations, keypoints)
+    (limbs,) = predicted_limbs(body, prior, observations, solved.state, weights)
     progress("other motions that may explain the video")
     count = 0 if alone or single.estimate is not None else options.hypotheses - 1
     others = alternatives(
@@ -300,6 +302,7 @@ def fit_single_video(
         alternatives=alternatives_of(body, others, observations, keypoints),
         grounds=grounds_of(motions, keypoints, cameras, fit),
         path_units=units,
+        limb_errors={ANY: limbs.median},
     )
 
 
@@ -321,6 +324,7 @@ def joined(fits: Sequence[InitialSmpl], ids: Sequence[str]) -> InitialSmpl:
         path_units=[
             unit.model_copy(update={"id": i}) for fit, i in pairs for unit in fit.path_units
         ],
+        limb_errors={i: error for fit, i in pairs for error in fit.limb_errors.values()},
     )
 
 
@@ -343,10 +347,13 @@ def refits_of_swapped(
         result: the fits of all videos; those that begin at an estimate have no alternatives.
     """
     videos = [single.keypoints.videos[0] for single in singles]
-    rows = zip(result.videos, videos, strict=True)
-    states = swapped_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
+    unfit = unfit_videos(result)
+    taken = [v for v in range(len(videos)) if v not in unfit]
+    candidates = [candidates_of(result.videos[v], [], videos[v]) for v in taken]
+    states = dict(zip(taken, swapped_by_others(candidates, SMPL_JOINTS), strict=True))
     refits = []
-    for v, motion in enumerate(result.videos):
+    for v in taken:
+        motion = result.videos[v]
         if result.source[motion.id] != KEYPOINTS_ALONE or not states[v].any():
             continue
         starts = [start for start in result.starts if start.video == motion.id]

@@ -36,15 +36,15 @@ TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
 def evidence_of(
     joints: Sequence[Float[np.ndarray, "_ 24 3"]],
     keypoints: Keypoints,
-    params: SyncParams,
     hints: Hints | None = None,
     cameras: CameraMotion | None = None,
+    unfit: Sequence[int] = (),
 ) -> SyncEvidence:
     """Motions as a synchronisation takes them; frames without any detection are bridged.
 
     Args:
         joints: of every video of `keypoints`, metres, in its own camera's axes.
-        cameras: their own motion, where known.
+        cameras: their own motion, where known; unfit: videos whose detections fit no body.
     """
     return SyncEvidence(
         joints,
@@ -54,6 +54,7 @@ def evidence_of(
         keypoints=[hypotheses.keypoints_of_joints(video) for video in keypoints.videos],
         heights=_heights(joints, keypoints, cameras),
         hints=hints or Hints(),
+        unfit=unfit,
     )
 
 
@@ -244,7 +245,8 @@ def synchronise_monocular(
     chosen = hypotheses.choose_alternatives(initial, keypoints, mirrored)
     joints = [motion.joints for motion in hypotheses.chosen_motions(initial, chosen.names)]
     keypoints = hypotheses.explained_keypoints(initial, keypoints, chosen.names)
-    evidence = evidence_of(joints, keypoints, params, hints, cameras)
+    unfit = hypotheses.unfit_videos(initial)
+    evidence = evidence_of(joints, keypoints, hints, cameras, unfit)
     evidence = replace(evidence, mirrored=mirrored)
     sync = synchronise_motions(evidence, keypoints, params, rng, reference=reference)
     notes = [*chosen.notes, *sync.notes]

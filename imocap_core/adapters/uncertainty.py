@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,8 @@ from imocap_core.biomechanics.joint_angles import mirrored_rotation_covariance, 
 from imocap_core.body import Model
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.metrics.calibration import along_and_across, total_sigma
-from imocap_core.motion.multiview import leave_one_out
+from imocap_core.motion.monocular.fit import Prediction
+from imocap_core.motion.multiview.leave_one_out import predicted_by_others
 from imocap_core.motion.observability import AZIMUTHS_DEG, ViewpointReport, weak_spans
 from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
@@ -77,26 +78,27 @@ def lasting_residual_m(group: SolvedGroup) -> float:
     return float(np.sqrt(max(0.0, float(np.mean(squares)))))
 
 
-def leave_one_out_of(groups: Sequence[SolvedGroup]) -> list[PredictedVideo]:
+def leave_one_out_of(
+    groups: Sequence[SolvedGroup], limb_errors: Mapping[str, float]
+) -> list[PredictedVideo]:
     """How well each video is predicted without it, in the order of the groups; excluded videos by
-    their own monocular fits alone. None of an action of one video."""
+    their own monocular fits alone (``limb_errors``). None of an action of one video."""
     rows: list[PredictedVideo] = []
     if len(groups) == 1 and len(groups[0].ids) == 1:
         return rows
     for group in groups:
         problem, solution = group.problem, group.solution
-        by_others: list[leave_one_out.Prediction | None] = [None] * len(group.ids)
+        by_others: list[Prediction | None] = [None] * len(group.ids)
         if solution.common is not None:
             scene = problem.scene_of(solution)
-            by_others = [*leave_one_out.predicted_by_others(scene, solution, problem.options)]
-        limbs = leave_one_out.predicted_limbs(problem.scene, problem.start)
-        for video, others, per_video in zip(group.ids, by_others, limbs, strict=True):
+            by_others = [*predicted_by_others(scene, solution, problem.options)]
+        for video, others in zip(group.ids, by_others, strict=True):
             rows.append(
                 PredictedVideo(
                     id=video,
                     error_share=float("nan") if others is None else others.median,
                     near_share=float("nan") if others is None else others.near_share,
-                    monocular_error_share=per_video.median,
+                    monocular_error_share=limb_errors.get(video, float("nan")),
                     frames=0 if others is None else others.frames,
                 )
             )

@@ -10,6 +10,9 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from imocap_core.body.kinematics import ModelArrays
 from imocap_core.body.points import PointSet, make_points
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS, SMPLH_JOINTS
@@ -125,3 +128,17 @@ def _locate(model: ModelArrays, point: str) -> Mixes | None:
                     vertices[vertex] = vertices.get(vertex, 0.0) + share * weight
             return {model.joint_names.index(n): w for n, w in joints.items()}, vertices
     return None
+
+
+HEAD, HANDS = ("nose", "eye", "ear", "mouth", "head"), ("thumb", "index", "pinky", "finger")
+
+
+def point_shares(names: Sequence[str]) -> Float[np.ndarray, " K"]:
+    """Weight of each keypoint: all of the head count as one, and all of both hands as two, however
+    many a detector marks there; they tell nothing of legs."""
+    shares = np.ones(len(names))
+    for words, total in ((HEAD, 1), (HANDS, 2)):
+        part = [any(w in name for w in words) and "foot" not in name for name in names]
+        if sum(part) > total:
+            shares[part] = total / sum(part)
+    return shares

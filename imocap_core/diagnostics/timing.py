@@ -29,6 +29,7 @@ from imocap_core.diagnostics.contradictions import (
 from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, listed
 from imocap_core.sequences import index_at, runs
 from imocap_core.sync.repetition import find_picture_repetitions
+from imocap_core.sync.screening.screening import NO_BODY
 
 LEAST_MATCHED = 0.5  # of a video's frames
 UNCERTAIN = 0.5  # confidence
@@ -364,6 +365,15 @@ def decision_findings(sync: SyncSummary) -> list[Finding]:
 
 
 def _excluded(sync: SyncSummary, video: str) -> Finding:
+    if any(note.startswith(f"{video} {NO_BODY}") for note in sync.notes):
+        return Finding(
+            "decision",
+            video,
+            "left out, because its detections fit no body, not even from this video alone: much "
+            "of the person is hidden or out of the picture, or it is not one person",
+            "left out: its detections fit no body",
+            "use another clip instead, in which most of the person is visible",
+        )
     return Finding(
         "decision",
         video,

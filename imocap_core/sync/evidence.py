@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.comparable_poses import body_scales, check_poses, joint_weights_of
-from imocap_core.sync.screening.mirror import mirrored_poses
+from imocap_core.sync.screening.explanation import mirrored_poses
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.warp.reprojection_evidence import ReprojectionEvidence
 
@@ -35,6 +35,7 @@ class SyncEvidence:
         reference: index of the reference video; chosen by centrality when None.
         rates: seconds of the action per second of each video (`estimated_rates`), when they were
             estimated before.
+        unfit: videos whose detections fit no body.
         reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
     """
 
@@ -48,6 +49,7 @@ class SyncEvidence:
     mirrored: Sequence[bool | None] | None = None
     reference: int | None = None
     rates: Float[np.ndarray, " M"] | None = None
+    unfit: Sequence[int] = ()
     reprojection: ReprojectionEvidence | None = None
 
     @property
@@ -106,4 +108,5 @@ class SyncEvidence:
             mirrored=None if self.mirrored is None else [self.mirrored[v] for v in videos],
             reference=None if self.reference is None else list(videos).index(self.reference),
             rates=None if rates is None else rates[list(videos)],
+            unfit=[n for n, v in enumerate(videos) if v in self.unfit],
         )

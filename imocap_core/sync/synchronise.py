@@ -50,7 +50,7 @@ def synchronise(
     evidence = of_pictures(evidence, pictures, excluded).without_forbidden()
     rates = _rates_of(evidence, params)
     if screening is None:
-        screening = _screening_of(evidence, rates, params)
+        screening = screen(evidence, rates, params)
     used = [v for v in range(len(evidence.poses)) if v not in screening.excluded]
     eligible = [
         v not in screening.flipped
@@ -73,7 +73,7 @@ def _shown_share(evidence: SyncEvidence, v: int) -> float:
 def screened(evidence: SyncEvidence, params: SyncParams) -> Screening:
     """Which videos are mirrored or show another action, as `synchronise` decides it."""
     pictures = of_pictures(evidence, distinct_videos(evidence)).without_forbidden()
-    return _screening_of(pictures, _rates_of(pictures, params), params)
+    return screen(pictures, _rates_of(pictures, params), params)
 
 
 def estimated_rates(evidence: SyncEvidence, params: SyncParams) -> Float[np.ndarray, " M"]:
@@ -83,26 +83,14 @@ def estimated_rates(evidence: SyncEvidence, params: SyncParams) -> Float[np.ndar
 
 
 def _rates_of(evidence: SyncEvidence, params: SyncParams) -> Float[np.ndarray, " M"]:
-    """The rates as they are given, else estimated."""
+    """The rates as they are given, else estimated; 1 of videos whose detections fit no body."""
     if evidence.rates is not None:
         return evidence.rates
-    return playback_rates(*evidence.scaled, evidence.fps, params.max_rate)
-
-
-def _screening_of(
-    evidence: SyncEvidence, rates: Float[np.ndarray, " M"], params: SyncParams
-) -> Screening:
-    """The screening of videos of known rates; the reference is no outlier."""
-    videos = range(len(evidence.poses))
-    return screen(
-        *evidence.scaled,
-        [f / r for f, r in zip(evidence.fps, rates, strict=True)],
-        params,
-        twins=evidence.twins,
-        declared=evidence.mirrored or [None] * len(videos),
-        never_outliers=[v == evidence.reference for v in videos],
-        keypoints=evidence.keypoints,
-    )
+    unfit = {*evidence.unfit} - {evidence.reference}
+    fit = [v for v in range(len(evidence.poses)) if v not in unfit]
+    of_fit, rates = evidence.among(fit), np.ones(len(evidence.poses))
+    rates[fit] = playback_rates(*of_fit.scaled, of_fit.fps, params.max_rate)
+    return rates
 
 
 def _of_all_videos(

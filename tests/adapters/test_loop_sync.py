@@ -290,7 +290,7 @@ def again(
     declared: list[bool | None] | None = None,
 ) -> SyncSummary | None:
     joints = joints or [motion.joints for motion in screened.true]
-    evidence = evidence_of(joints, keypoints or screened.keypoints, SyncParams())
+    evidence = evidence_of(joints, keypoints or screened.keypoints)
     evidence = replace(evidence, mirrored=declared or [None] * 4, rates=np.ones(4))
     return decided_again(first, screening_of(evidence, SyncParams()))
 

@@ -40,7 +40,7 @@ def made(ids: list[str], offsets_s: list[float]) -> tuple[list[np.ndarray], Keyp
 def synchronised(
     joints: list[np.ndarray], keypoints: Keypoints, reference: str | None = None
 ) -> Sync:
-    evidence, rng = evidence_of(joints, keypoints, PARAMS), np.random.default_rng(0)
+    evidence, rng = evidence_of(joints, keypoints), np.random.default_rng(0)
     return synchronise_motions(evidence, keypoints, PARAMS, rng, reference=reference)
 
 

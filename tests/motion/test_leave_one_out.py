@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.leave_one_out import (
+from imocap_core.motion.monocular.fit import (
     HIDDEN_LIMBS,
     Prediction,
     hidden_points,
+    predicted_limbs,
+    stretches,
+)
+from imocap_core.motion.multiview.leave_one_out import (
     motion_of_others,
     points_at_video_frames,
     predicted_by_others,
-    predicted_limbs,
     resected_prediction,
-    stretches,
 )
 from imocap_core.motion.multiview.repair import contradicted, expected_by_others
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene
@@ -99,7 +101,8 @@ def test_of_another_path_or_an_unknown_one_poses_alone_are_predicted(made: Made)
 def test_a_limb_that_is_hidden_is_compared_and_nothing_else(made: Made) -> None:
     plain = whole(made)
     limb = stretches(FRAMES, 30.0) % len(HIDDEN_LIMBS)
-    for prediction in predicted_limbs(plain, in_own_axes(made)):
+    given = plain.body, plain.prior, plain.observations, in_own_axes(made), plain.fit
+    for prediction in predicted_limbs(*given):
         assert ((prediction.weight > 0) == hidden_points(made.body.keypoints, limb)).all()
         assert 0.0 < prediction.median < 0.15
     names = np.array(made.body.keypoints.names)

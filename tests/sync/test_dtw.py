@@ -9,9 +9,15 @@ from scipy.signal import lfilter
 
 from imocap_core.sync.maps import FRAMES, BandedMap, whole_band
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
-from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, monotone_posterior
+from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, banded_posterior
 from imocap_core.sync.warp.rate import RatePrior, banded_rate_posterior, rate_prior
 from imocap_core.sync.warp.soft_maps import at_fine_positions, step_prior
+
+
+def monotone_posterior(cost: np.ndarray, **given) -> tuple[np.ndarray, np.ndarray]:
+    """`banded_posterior` of all positions, as matrices."""
+    posterior, matched = banded_posterior(whole_band(cost), **given)
+    return posterior.values[0], matched
 
 
 def best_total_naive(cost: np.ndarray, skip: float) -> float:

@@ -8,12 +8,10 @@ import pytest
 
 from imocap_core.params import SyncParams
 from imocap_core.sync import SyncEvidence, SyncResult, screened
-from imocap_core.sync.screening.decisions import find_outliers, outlier_scores
-from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirrored_poses, signs_of
+from imocap_core.sync.screening.explanation import mirrored_poses, signs_of
 from imocap_core.sync.screening.screening import Screening, sentences
 from tests.sync.test_synchronise import FOUR_FPS, PARAMS, estimated, four_phases, run
 
-EQUAL = np.full((4, 4), 0.05)  # persistent differences, metres, by which no video stands out
 TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
 
 
@@ -85,6 +83,17 @@ def test_the_switch_reports_or_ignores() -> None:
         judged(poses, replace(SCREENED, outliers="drop"))
 
 
+def test_detections_that_fit_no_body_are_left_out() -> None:
+    poses = four_videos(12)
+    screening = judged(poses, unfit=[2])
+    assert screening.excluded == screening.unfit == (2,)
+    assert "c has detections that fit no body: left out" in sentences(screening, "abcd")[0]
+    reported = judged(poses, replace(SCREENED, outliers="report"), unfit=[0])
+    assert (reported.outliers, reported.excluded) == ((0,), ())
+    assert judged(poses, replace(SCREENED, outliers="ignore"), unfit=[0]).unfit == ()
+    assert judged(poses, unfit=[0], reference=0).unfit == ()
+
+
 def test_a_reference_that_was_given_stays() -> None:
     rng = np.random.default_rng(12)
     poses = [stranger(rng), *(estimated(p, rng) for p in four_phases())]
@@ -118,16 +127,6 @@ def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
     assert "left as it is" in sentences(screening, "abcd")[0]
 
 
-def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imocap_core.sync.screening.pose_evidence.CLEAR_MARGIN", 10.0)
-    poses = four_videos(13)
-    poses[2] = mirrored_poses(poses[2], TWINS)
-    screening = judged(poses, twins=TWINS)
-    assert screening.mirrored == (2,)
-    assert screening.flipped == ()
-    assert "mirrored: true in action.yaml" in sentences(screening, "abcd")[0]
-
-
 def test_what_the_user_declares_overrides_the_evidence() -> None:
     poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
@@ -154,33 +153,6 @@ def test_signs_are_solved_together_and_the_smaller_side_turns() -> None:
         evidence = np.outer(true, true) * rng.uniform(0.5, 1.0, (7, 7))
         evidence = evidence + evidence.T - np.diag(np.diag(evidence)) * 2
         np.testing.assert_array_equal(signs_of(evidence, [False] * 7), true)
-        np.testing.assert_array_equal(
-            find_mirrored(evidence, [False] * 7)[0], np.flatnonzero(true < 0)
-        )
-
-
-def test_scores_do_not_change_with_noise_that_all_share_once_it_is_large() -> None:
-    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    residuals[3, :3] = residuals[:3, 3] = 1.5
-    low, high = (outlier_scores(k * residuals, gains, EQUAL) for k in (1, 20))
-    np.testing.assert_allclose(low, high, rtol=0.02)
-    assert np.argmax(low) == 3
-    assert find_outliers(residuals, gains, EQUAL)[0] == [3]
-    assert find_outliers(residuals, gains, EQUAL, np.array([False, False, False, True]))[0] == []
-
-
-def test_one_short_clip_that_fits_into_the_others_is_judged_by_that_direction() -> None:
-    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    residuals[:3, 3] = 1.5  # the others don't fit into it
-    assert find_outliers(residuals, gains, EQUAL)[0] == []
-
-
-def test_most_of_the_videos_are_left() -> None:
-    residuals = 1.0 + np.add.outer(np.arange(6.0), np.arange(6.0)) ** 2
-    for M in (3, 4, 5, 6):
-        outliers, _ = find_outliers(residuals[:M, :M], np.zeros((M, M)), np.ones((M, M)))
-        assert 2 * len(outliers) < M
-    assert np.isnan(outlier_scores(residuals[:2, :2], np.zeros((2, 2)), EQUAL[:2, :2])).all()
 
 
 def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
@@ -188,26 +160,6 @@ def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
     phases = four_phases()
     poses = [estimated(p, rng, 0.15 if v == 1 else 0.03) for v, p in enumerate(phases)]
     assert judged(poses).outliers == ()
-    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    residuals[1] = residuals[:, 1] = 1.5
-    assert find_outliers(residuals, gains, EQUAL)[0] == [1]
-    gains[1] = gains[:, 1] = 0.3
-    assert find_outliers(residuals, gains, EQUAL)[0] == []
-
-
-def test_scores_fall_with_the_order_of_time_and_never_rise() -> None:
-    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    np.testing.assert_allclose(outlier_scores(residuals, gains, EQUAL), 1.0)
-    np.testing.assert_allclose(outlier_scores(residuals, gains - 0.2, EQUAL), 1.0)
-    some, much = (outlier_scores(residuals, gains + g, EQUAL) for g in (0.2, 0.6))
-    assert (some < 0.8).all()
-    assert (much < 0.5).all()
-
-
-def test_weak_or_contradicting_evidence_of_reflection_does_not_count() -> None:
-    strong, weak = np.array([[0.0, -0.5], [-0.5, 0.0]]), np.array([[0.0, -0.1], [-0.1, 0.0]])
-    np.testing.assert_array_equal(agreed([strong, weak]), weak)
-    np.testing.assert_array_equal(agreed([strong, -weak]), 0 * weak)
 
 
 def walk(start: float, rng: np.random.Generator) -> np.ndarray:

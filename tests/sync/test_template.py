@@ -24,7 +24,7 @@ from imocap_core.sync.warp.leave_one_out_template import (
     squared_view_distances,
     whitening,
 )
-from imocap_core.sync.warp.monotone import StepPrior, banded_posterior, monotone_posterior
+from imocap_core.sync.warp.monotone import StepPrior, banded_posterior
 from imocap_core.sync.warp.rate import banded_rate_posterior, rate_prior
 from imocap_core.sync.warp.template import (
     ISOTROPIC,
@@ -37,6 +37,7 @@ from imocap_core.sync.warp.template import (
 )
 from tests.sync import made_motions
 from tests.sync.made_motions import view_of, wandering
+from tests.sync.test_dtw import monotone_posterior
 
 T, J = 12, 7
 

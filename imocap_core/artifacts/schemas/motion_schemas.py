@@ -86,6 +86,8 @@ class InitialSmpl(Artifact):
     grounds: list[GroundPlane] = Field(default_factory=list)
     # of the cameras whose path is known
     path_units: list[PathUnit] = Field(default_factory=list)
+    # by video id, of limbs, each hidden from the video's own fit: median share of the height
+    limb_errors: dict[str, float] = Field(default_factory=dict)
 
 
 class CommonMotion(Value):

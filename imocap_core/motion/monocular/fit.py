@@ -2,7 +2,8 @@
 
 Each start is refined by minimising the reprojection error with the priors that a single view
 needs; the robust loss narrows meanwhile. Of several starts the one of the lowest objective is the
-result; all objectives are reported.
+result; all objectives are reported. How well detections fit a body shows where the fit predicts one
+limb at a time that is hidden from it.
 
 The unit of a moving camera's path in metres: by the performer's size and feet. Structure from
 motion leaves the unit of length open. With a wrong one the performer, whose size tells metres,
@@ -17,10 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from imocap_core.camera.projection import normalised
+from imocap_core.body import PointSet
+from imocap_core.body.layouts import point_shares
+from imocap_core.camera.projection import normalised, project_camera
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.gauss_newton import gauss_newton, objective
 from imocap_core.motion.monocular.starts import Start, interpolate_rotations
 from imocap_core.motion.multiview.timeline import sample
@@ -225,6 +229,104 @@ def all_frames(state: MotionState, observations: Sequence[Observation], stride: 
         full.append(Start(interpolate_rotations(R, keys, frames), sample(trans, position), 0.0))
     dense = stacked(full, validity(observations, state.trans))
     return replace(dense, betas=state.betas)
+
+
+# Hidden in this order, a stretch each, so that a limb is seen before and after
+HIDDEN_LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
+HIDDEN_STEPS = 3  # Gauss-Newton steps from the fit with all limbs
+STRETCH_S = 0.5
+LEAST_STRETCHES = 4  # of a short video, whose stretches are shorter
+NEAR = 0.1  # error, as a share of the height, below which a keypoint is predicted
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Errors of predicted keypoints of one video.
+
+    Attributes:
+        error: (T, K) distance over the person's height in the picture, NaN where not predicted.
+        weight: (T, K) of each keypoint, 0 where not predicted.
+    """
+
+    error: Float[np.ndarray, "T K"]
+    weight: Float[np.ndarray, "T K"]
+
+    @property
+    def median(self) -> float:
+        """Weighted median of the errors; NaN without any."""
+        counted = self.weight > 0
+        if not counted.any():
+            return float("nan")
+        error, weight = self.error[counted], self.weight[counted]
+        order = np.argsort(error)
+        total = np.cumsum(weight[order])
+        return float(error[order][np.searchsorted(total, total[-1] / 2)])
+
+    @property
+    def near_share(self) -> float:
+        """Share of the keypoints within `NEAR`; NaN without any."""
+        total = float(self.weight.sum())
+        near = float(self.weight[np.nan_to_num(self.error, nan=np.inf) < NEAR].sum())
+        return near / total if total > 0 else float("nan")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames with a prediction."""
+        return int((self.weight > 0).any(1).sum())
+
+
+def predicted_limbs(
+    body: Body,
+    prior: PosePrior,
+    observations: Sequence[Observation],
+    state: MotionState,
+    weights: FitParams,
+) -> list[Prediction]:
+    """Each video's limbs, hidden one at a time, from its own fit (``state``)."""
+    shares = point_shares(body.keypoints.names)
+    limbs = [stretches(len(o.xy_px), o.fps) % len(HIDDEN_LIMBS) for o in observations]
+    rows = list(zip(observations, limbs, strict=True))
+    hidden = [_without(body, o, limb) for o, limb in rows]
+    terms = monocular_terms(body, prior, hidden, state.trans, weights, 1.0)
+    solved = gauss_newton(terms, state, max_steps=HIDDEN_STEPS, relative_tolerance=TOLERANCE).state
+    xyz = body.positions(body.keypoints, solved).cpu().numpy()
+    predictions = []
+    for (o, limb), points in zip(rows, xyz, strict=True):
+        place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
+        xy_px = project_camera(points[: len(o.xy_px)] - place, o.K)
+        is_known = hidden_points(body.keypoints, limb) & np.isfinite(o.xy_px).all(-1)
+        predictions.append(compared(o, xy_px, np.where(is_known, o.confidence * shares, 0.0)))
+    return predictions
+
+
+def stretches(frames: int, fps: float) -> Int[np.ndarray, " T"]:
+    """Number of the stretch of time that each frame is in."""
+    length = max(1, min(round(STRETCH_S * fps), frames // LEAST_STRETCHES))
+    return np.arange(frames) // length
+
+
+def hidden_points(points: PointSet, limb: Int[np.ndarray, " T"]) -> Bool[np.ndarray, "T K"]:
+    """Which points turn with each frame's limb (an index into `HIDDEN_LIMBS`)."""
+    roots = [SMPL_JOINTS.index(name) for name in HIDDEN_LIMBS]
+    return np.asarray(points.moved_by.cpu().numpy()[:, roots].T[limb])
+
+
+def _without(body: Body, o: Observation, limb: Int[np.ndarray, " T"]) -> Observation:
+    """An observation without the keypoints and the estimated joints of each frame's limb."""
+    confidence = np.where(hidden_points(body.keypoints, limb), 0.0, o.confidence)
+    if o.joints is None:
+        return replace(o, confidence=confidence)
+    is_hidden = hidden_points(body.joints, limb)[..., None]
+    return replace(o, confidence=confidence, joints=np.where(is_hidden, np.nan, o.joints))
+
+
+def compared(
+    o: Observation, xy_px: Float[np.ndarray, "T K 2"], weight: Float[np.ndarray, "T K"]
+) -> Prediction:
+    """Errors of predicted keypoints, each of some weight."""
+    error = np.linalg.norm(xy_px - o.xy_px, axis=-1) / o.size_px[:, None]
+    weight = np.where(np.isfinite(error), weight, 0.0)
+    return Prediction(np.where(weight > 0, error, np.nan), weight)
 
 
 WIDE, NARROW = np.linspace(-0.8, 0.8, 9), np.linspace(-0.15, 0.15, 7)  # logarithms

@@ -5,22 +5,20 @@ camera is resected from its own keypoints in every second stretch of time, and t
 are predicted. Errors are shares of the person's height in the picture. What all views share, depth
 above all, shows only as far as another view's motion depends on it: read it beside observability.
 
-The yardstick beside it is the video's own monocular fit, which predicts one limb at a time that is
-hidden from it.
+The yardstick beside it is the video's own monocular fit, which predicts hidden limbs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from imocap_core.body import PointSet
+from imocap_core.body.layouts import point_shares
 from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.camera.projection import project_camera
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.monocular.fit import monocular_terms, regularisers
+from imocap_core.motion.monocular.fit import Prediction, compared, regularisers, stretches
 from imocap_core.motion.multiview.common_motion import (
     CommonViews,
     estimate_terms,
@@ -28,57 +26,15 @@ from imocap_core.motion.multiview.common_motion import (
     unknowns_of,
     with_keypoint_spread,
 )
-from imocap_core.motion.multiview.repair import point_shares
-from imocap_core.motion.multiview.scene import Cameras, DeviationSpread, JointMotion, Scene, solve
+from imocap_core.motion.multiview.scene import Cameras, DeviationSpread, JointMotion, Scene
 from imocap_core.motion.multiview.timeline import sample
-from imocap_core.motion.observations import Observation, from_one_place
-from imocap_core.motion.state import Body, MotionState
+from imocap_core.motion.observations import from_one_place
+from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
 
-STEPS = 3  # Gauss-Newton steps from the solution with all videos, or with all limbs
-STRETCH_S = 0.5
-LEAST_STRETCHES = 4  # of a short video, whose stretches are shorter
-NEAR = 0.1  # error, as a share of the height, below which a keypoint is predicted
+STEPS = 3  # Gauss-Newton steps from the solution with all videos
 _LARGEST_PATH_SD_M = 0.04  # of performances that share one path
 CAMERA_SCALE = 0.05  # Geman-McClure scale of the resection, as a share of the height
-# Hidden in this order, a stretch each, so that a limb is seen before and after
-HIDDEN_LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Errors of predicted keypoints of one video.
-
-    Attributes:
-        error: (T, K) distance over the person's height in the picture, NaN where not predicted.
-        weight: (T, K) of each keypoint, 0 where not predicted.
-    """
-
-    error: Float[np.ndarray, "T K"]
-    weight: Float[np.ndarray, "T K"]
-
-    @property
-    def median(self) -> float:
-        """Weighted median of the errors; NaN without any."""
-        counted = self.weight > 0
-        if not counted.any():
-            return float("nan")
-        error, weight = self.error[counted], self.weight[counted]
-        order = np.argsort(error)
-        total = np.cumsum(weight[order])
-        return float(error[order][np.searchsorted(total, total[-1] / 2)])
-
-    @property
-    def near_share(self) -> float:
-        """Share of the keypoints within `NEAR`; NaN without any."""
-        total = float(self.weight.sum())
-        near = float(self.weight[np.nan_to_num(self.error, nan=np.inf) < NEAR].sum())
-        return near / total if total > 0 else float("nan")
-
-    @property
-    def frames(self) -> int:
-        """Number of frames with a prediction."""
-        return int((self.weight > 0).any(1).sum())
 
 
 def predicted_by_others(
@@ -172,7 +128,7 @@ def resected_prediction(
     is_lost = given.place_sd_m is not None and given.centre_m is None
     if is_lost or path_sd_m > _LARGEST_PATH_SD_M:
         xy_px = _in_place(xy_px, observation.xy_px, weight)
-    return _compared(observation, xy_px, np.where(tested[:, None], weight, 0.0))
+    return compared(observation, xy_px, np.where(tested[:, None], weight, 0.0))
 
 
 def _in_place(
@@ -187,55 +143,3 @@ def _in_place(
     about = (share * both).sum(axis=2, keepdims=True)
     spread = np.sqrt((share * (both - about) ** 2).sum(axis=(2, 3), keepdims=True))
     return np.asarray(about[0] + spread[0] / np.maximum(spread[1], 1e-9) * (xy_px - about[1]))
-
-
-def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
-    """Each video's limbs, hidden one at a time, from its own monocular fit.
-
-    Args:
-        scene: as the monocular fits saw it; state: these fits, each in its own camera's axes.
-    """
-    shares = point_shares(scene.body.keypoints.names)
-    limbs = [stretches(len(o.xy_px), o.fps) % len(HIDDEN_LIMBS) for o in scene.observations]
-    rows = list(zip(scene.observations, limbs, strict=True))
-    hidden = [_without(scene.body, o, limb) for o, limb in rows]
-    terms = monocular_terms(scene.body, scene.prior, hidden, state.trans, scene.fit, 1.0)
-    solved = solve(terms, state, STEPS).state
-    xyz = scene.body.positions(scene.body.keypoints, solved).cpu().numpy()
-    predictions = []
-    for (o, limb), points in zip(rows, xyz, strict=True):
-        place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
-        xy_px = project_camera(points[: len(o.xy_px)] - place, o.K)
-        is_known = hidden_points(scene.body.keypoints, limb) & np.isfinite(o.xy_px).all(-1)
-        predictions.append(_compared(o, xy_px, np.where(is_known, o.confidence * shares, 0.0)))
-    return predictions
-
-
-def stretches(frames: int, fps: float) -> Int[np.ndarray, " T"]:
-    """Number of the stretch of time that each frame is in."""
-    length = max(1, min(round(STRETCH_S * fps), frames // LEAST_STRETCHES))
-    return np.arange(frames) // length
-
-
-def hidden_points(points: PointSet, limb: Int[np.ndarray, " T"]) -> Bool[np.ndarray, "T K"]:
-    """Which points turn with each frame's limb (an index into `HIDDEN_LIMBS`)."""
-    roots = [SMPL_JOINTS.index(name) for name in HIDDEN_LIMBS]
-    return np.asarray(points.moved_by.cpu().numpy()[:, roots].T[limb])
-
-
-def _without(body: Body, o: Observation, limb: Int[np.ndarray, " T"]) -> Observation:
-    """An observation without the keypoints and the estimated joints of each frame's limb."""
-    confidence = np.where(hidden_points(body.keypoints, limb), 0.0, o.confidence)
-    if o.joints is None:
-        return replace(o, confidence=confidence)
-    is_hidden = hidden_points(body.joints, limb)[..., None]
-    return replace(o, confidence=confidence, joints=np.where(is_hidden, np.nan, o.joints))
-
-
-def _compared(
-    o: Observation, xy_px: Float[np.ndarray, "T K 2"], weight: Float[np.ndarray, "T K"]
-) -> Prediction:
-    """Errors of predicted keypoints, each of some weight."""
-    error = np.linalg.norm(xy_px - o.xy_px, axis=-1) / o.size_px[:, None]
-    weight = np.where(np.isfinite(error), weight, 0.0)
-    return Prediction(np.where(weight > 0, error, np.nan), weight)

@@ -25,6 +25,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from imocap_core.alignment import rigid
+from imocap_core.body.layouts import point_shares
 from imocap_core.camera.projection import project_camera
 from imocap_core.motion.multiview.scene import Cameras, Scene
 from imocap_core.motion.multiview.timeline import sample
@@ -132,7 +133,6 @@ SWAPPED = 0.1  # of a frame, in logarithms of the residual
 FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
 LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
 CHANGE = np.array([0.0, 1.0, 0.5, 1.0])  # to or from each state: legs are swapped most often
-HEAD, HANDS = ("nose", "eye", "ear", "mouth", "head"), ("thumb", "index", "pinky", "finger")
 
 
 def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
@@ -202,17 +202,6 @@ def swapped_states(
     change = np.maximum(CHANGE[:, None], CHANGE) * (1.0 - np.eye(STATES))
     steps = change + costs[1:, None]
     return viterbi(costs[0], steps)
-
-
-def point_shares(names: Sequence[str]) -> Float[np.ndarray, " K"]:
-    """Weight of each keypoint: all of the head count as one, and all of both hands as two, however
-    many a detector marks there; they tell nothing of legs."""
-    shares = np.ones(len(names))
-    for words, total in ((HEAD, 1), (HANDS, 2)):
-        part = [any(w in name for w in words) and "foot" not in name for name in names]
-        if sum(part) > total:
-            shares[part] = total / sum(part)
-    return shares
 
 
 def turning_frames(

@@ -1,4 +1,4 @@
 """Screening before the synchronisation: mirrored videos, and videos of another action.
 
-Reading order: pose_evidence, mirror, registration, explanation, decisions, screening.
+Reading order: registration, explanation, decisions, screening.
 """

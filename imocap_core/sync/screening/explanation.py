@@ -26,7 +26,6 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from imocap_core.alignment import refined_rotation
-from imocap_core.sync.screening.mirror import mirrored_poses, signs_of
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
     best_warp,
@@ -61,6 +60,14 @@ class Registration:
     explained_change: float
     axes: Float[np.ndarray, "2 3"]
     frames: Int[np.ndarray, " T"]
+
+
+def mirrored_poses(
+    poses: Float[np.ndarray, "T J 3"], twins: Sequence[int]
+) -> Float[np.ndarray, "T J 3"]:
+    """The mirror image of poses: x -> -x, and joint j becomes its twin `twins[j]`."""
+    reflected: np.ndarray = poses[:, list(twins)] * np.array([-1.0, 1.0, 1.0])
+    return reflected
 
 
 def registered(
@@ -364,6 +371,40 @@ def pair_residuals(videos: Sequence[ScreenedVideo], twins: Sequence[int]) -> Pai
                     registration_residual(other.motion, k, directions) for k in both
                 ]
     return PairResiduals(*residuals)
+
+
+SIGN_SWEEPS = 20
+
+
+def signs_of(
+    evidence: Float[np.ndarray, "M M"], pinned: Sequence[bool] | Bool[np.ndarray, " M"]
+) -> Int[np.ndarray, " M"]:
+    """Signs of +1 and -1 that maximise the sum over pairs of s_i s_j evidence_ij.
+
+    Videos that are `pinned` keep +1. Without any, the larger side is +1; of equal sides the one
+    with the first video.
+    """
+    fixed = np.asarray(pinned, dtype=bool)
+    M = len(evidence)
+    leading = np.linalg.eigh(evidence)[1][:, -1]
+    starts = [np.ones(M, dtype=np.int64), np.where(leading >= 0, 1, -1)]
+    best, best_value = starts[0], -np.inf
+    for start in starts:
+        signs = np.where(fixed, 1, start)
+        for _ in range(SIGN_SWEEPS):
+            before = signs.copy()
+            for v in np.flatnonzero(~fixed):
+                pull = evidence[v] @ signs - evidence[v, v] * signs[v]
+                signs[v] = signs[v] if pull == 0 else np.sign(pull)
+            if (signs == before).all():
+                break
+        value = float(signs @ evidence @ signs)
+        if value > best_value + 1e-12:
+            best, best_value = signs, value
+    if not fixed.any():
+        total = int(best.sum())
+        best = -best if total < 0 or (total == 0 and best[0] < 0) else best
+    return best
 
 
 def likely_signs(

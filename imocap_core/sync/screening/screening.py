@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
+from imocap_core.sync.evidence import SyncEvidence
+from imocap_core.sync.procrustes import centred
 from imocap_core.sync.screening.decisions import LARGEST_SCORE, decide_by_keypoints
 from imocap_core.sync.screening.explanation import prepared
-from imocap_core.sync.screening.mirror import mirrored_poses
-from imocap_core.sync.screening.pose_evidence import WeightedPoses, decide_by_poses, thinned
 from imocap_core.sync.screening.registration import Keypoints2D
 
+RATE_PER_S = 15.0  # estimates err for about a quarter of a second: more frames tell little more
 OUTLIERS = ("exclude", "report", "ignore")
 MIRRORED = ("flip", "report", "ignore")
 
@@ -31,6 +32,7 @@ class Screening:
         outlier_score, mirror_margin: see `outliers` and `mirror`; NaN where not computed.
         undecided: look like another action, but it is not clear; they take part.
         symmetric: the action is nearly its own mirror image: no video can be called mirrored.
+        unfit: outliers whose detections fit no body.
     """
 
     outliers: tuple[int, ...]
@@ -41,6 +43,7 @@ class Screening:
     mirror_margin: Float[np.ndarray, " M"]
     undecided: tuple[int, ...] = ()
     symmetric: bool = False
+    unfit: tuple[int, ...] = ()
 
 
 def not_screened(count: int, flipped: Sequence[int] = ()) -> Screening:
@@ -49,36 +52,24 @@ def not_screened(count: int, flipped: Sequence[int] = ()) -> Screening:
     return Screening((), tuple(flipped), (), tuple(flipped), unknown, unknown.copy())
 
 
-def screen(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    weights: Sequence[Float[np.ndarray, "_T J"]],
-    fps: Sequence[float],
-    params: SyncParams,
-    *,
-    twins: Sequence[int] | None,
-    declared: Sequence[bool | None],
-    never_outliers: Sequence[bool] | None = None,
-    keypoints: Sequence[Keypoints2D] | None = None,
-) -> Screening:
+def screen(evidence: SyncEvidence, rates: Float[np.ndarray, " M"], params: SyncParams) -> Screening:
     """Detect mirrored videos, then, with those reflected, videos of another action.
 
+    The keypoints decide, held against the others' common motion (`decisions`), because poses may
+    come of a monocular fit that went wrong; where there are none, pictures of the poses do. The
+    reference is no outlier; without the joints' twins no video is called mirrored.
+
     Args:
-        poses: of one body scale.
-        weights: of the joints.
-        twins: each joint's mirror twin; None when not given (then no video is called mirrored).
-        declared: True or False where the user states whether a video is mirrored.
-        never_outliers: videos that are no outliers, whatever their score.
-        keypoints: of the poses' joints in the same frames. With keypoints and twins the keypoints
-            decide, held against the others' common motion (`keypoint_decisions`), because poses
-            may come of a monocular fit that went wrong; else the poses do (`pose_decisions`).
+        rates: seconds of the action per second of each video.
 
     Raises:
         ValueError: unknown switches, or a video declared mirrored without twins.
     """
     _check(params)
+    twins, declared = evidence.twins, evidence.mirrored or [None] * len(rates)
     look_outliers = params.outliers != "ignore"
     look_mirrored = twins is not None and params.mirrored != "ignore"
-    M = len(poses)
+    M = len(rates)
     declared_mirrored = [v for v in range(M) if declared[v]]
     if declared_mirrored and twins is None:
         raise ValueError(
@@ -86,25 +77,21 @@ def screen(
         )
     if M < 2 or not (look_outliers or look_mirrored):
         return not_screened(M, declared_mirrored)
-    pinned = [d is not None for d in declared]
-    never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
-    thin, w, rates = thinned(poses, weights, fps)
-    if keypoints is not None and twins is not None:
-        films = _thinned_keypoints(keypoints, fps)
-        videos, paired = prepared(thin, films, twins)
-        upright = [v.mirrored(paired) if d else v for v, d in zip(videos, declared, strict=True)]
-        decided = decide_by_keypoints(
-            upright, paired, pinned, never,
-            look_mirrored=look_mirrored, look_outliers=look_outliers,
-        )  # fmt: skip
-    else:
-        order = list(range(poses[0].shape[1])) if twins is None else list(twins)
-        plain = WeightedPoses(thin, w)
-        mirror = WeightedPoses([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
-        decided = decide_by_poses(
-            *plain.swapped(declared_mirrored, mirror), rates, params.max_rate, pinned, never,
-            look_mirrored=look_mirrored, look_outliers=look_outliers,
-        )  # fmt: skip
+    unfit = [v for v in evidence.unfit if look_outliers and v != evidence.reference]
+    stride = [max(1, round(f / r / RATE_PER_S)) for f, r in zip(evidence.fps, rates, strict=True)]
+    poses, keypoints = evidence.scaled[0], evidence.keypoints
+    if keypoints is None:
+        poses, keypoints = _pictures(*evidence.scaled)
+    thin = [x[::n] for x, n in zip(poses, stride, strict=True)]
+    films = [
+        Keypoints2D(k.xy_px[::n], k.weight[::n]) for k, n in zip(keypoints, stride, strict=True)
+    ]
+    videos, paired = prepared(thin, films, twins or range(poses[0].shape[1]))
+    upright = [v.mirrored(paired) if d else v for v, d in zip(videos, declared, strict=True)]
+    decided = decide_by_keypoints(
+        upright, paired, [d is not None for d in declared], np.arange(M) == evidence.reference,
+        unfit, look_mirrored=look_mirrored, look_outliers=look_outliers,
+    )  # fmt: skip
     flips = decided.clearly_mirrored if params.mirrored == "flip" else ()
     outliers = tuple(sorted(decided.outliers))
     return Screening(
@@ -116,13 +103,20 @@ def screen(
         mirror_margin=decided.margin,
         undecided=decided.undecided,
         symmetric=decided.symmetric,
+        unfit=tuple(unfit),
     )
 
 
-def _thinned_keypoints(keypoints: Sequence[Keypoints2D], fps: Sequence[float]) -> list[Keypoints2D]:
-    """Keypoints at the frames of `thinned`."""
-    points, weights, _ = thinned([k.xy_px for k in keypoints], [k.weight for k in keypoints], fps)
-    return [Keypoints2D(*both) for both in zip(points, weights, strict=True)]
+def _pictures(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]], weights: Sequence[Float[np.ndarray, "_T J"]]
+) -> tuple[list[Float[np.ndarray, "_T J 3"]], list[Keypoints2D]]:
+    """Poses, the axis along which they are tallest as the second, and as a distant camera on the
+    third shows them."""
+    spread = [
+        np.einsum("tj,tjk->k", w, centred(x, w) ** 2) for x, w in zip(poses, weights, strict=True)
+    ]
+    turned = [np.roll(x, 1 - int(np.sum(spread, axis=0).argmax()), axis=-1) for x in poses]
+    return turned, [Keypoints2D(x[..., :2], w) for x, w in zip(turned, weights, strict=True)]
 
 
 def _check(params: SyncParams) -> None:
@@ -136,6 +130,7 @@ def _check(params: SyncParams) -> None:
 
 
 ANOTHER_ACTION = "seems to show another action"
+NO_BODY = "has detections that fit no body"
 HARDLY_EXPLAINED = "is hardly better explained by the others' motion"
 REFLECTED = "fits the others"
 TWO_ARE_LEFT = "only two videos are left"
@@ -204,6 +199,8 @@ def _outlier(screening: Screening, v: int, name: str) -> str:
         if v in screening.excluded
         else "used nevertheless (sync.outliers: report)"
     )
+    if v in screening.unfit:
+        return f"{name} {NO_BODY}: {done}"
     return (
         f"{name} {ANOTHER_ACTION}: the other videos explain each other and not it "
         f"(score {screening.outlier_score[v]:.2f}, above {LARGEST_SCORE:.1f} is another "

@@ -16,7 +16,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.sync.maps import BandedMap, whole_band
+from imocap_core.sync.maps import BandedMap
 from imocap_core.workers import compiled
 
 # a frame's worst position is at most this much less likely than its best one, in nats
@@ -112,15 +112,11 @@ class StepPrior:
 ANY_STEP = StepPrior(2**31, 2**31, 1.0)
 
 
-def monotone_posterior(
-    cost: Float[np.ndarray, "N S"],
-    *,
-    unmatched: float | Float[np.ndarray, " N"],
-    steps: StepPrior = ANY_STEP,
-) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
-    """P(frame t lies at position s) over all monotone warps, rows summing to 1, and P(matched).
-
-    The warp may start and end anywhere.
+def banded_posterior(
+    cost: BandedMap, *, unmatched: float | Float[np.ndarray, " N"], steps: StepPrior = ANY_STEP
+) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
+    """P(frame t lies at position s) over all monotone warps within a band, which every frame must
+    have, rows summing to 1, and P(matched). The warp may start and end anywhere.
 
     Args:
         cost: minus the log likelihood of the match, up to a constant.
@@ -128,14 +124,6 @@ def monotone_posterior(
             first and after the last position (inf = every frame has one).
         steps: prior of the steps from frame to frame.
     """
-    posterior, matched = banded_posterior(whole_band(cost), unmatched=unmatched, steps=steps)
-    return posterior.values[0], matched
-
-
-def banded_posterior(
-    cost: BandedMap, *, unmatched: float | Float[np.ndarray, " N"], steps: StepPrior = ANY_STEP
-) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
-    """`monotone_posterior` over the warps within a band, which every frame must have."""
     N, S = cost.shape
     # A match chooses among positions and "unmatched" doesn't: charge the match the prior of
     # one step of a walk at the usual rate, or of one that fills the other video where that is
