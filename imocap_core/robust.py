@@ -59,3 +59,12 @@ def cauchy(squared: Values, scale: float) -> tuple[Values, Values]:
     share = squared / scale**2
     log = np.log1p(share) if isinstance(share, np.ndarray) else share.log1p()
     return scale**2 * log, scale**2 / (scale**2 + squared)
+
+
+def finite_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Medians of (..., W) over the last axis without NaN (`np.nanmedian`, faster), where each row
+    has a number."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    count = np.isfinite(values).sum(-1, keepdims=True)
+    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((count - 1) // 2, count // 2))
+    return np.asarray(0.5 * (low + high))

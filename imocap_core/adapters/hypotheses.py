@@ -109,11 +109,8 @@ def choose_alternatives(
     if not initial.alternatives:
         return ChosenAlternatives({}, [])
     unfit = unfit_videos(initial)
-    rows = [
-        row
-        for v, row in enumerate(zip(initial.videos, keypoints.videos, mirrored, strict=True))
-        if v not in unfit
-    ]
+    taken = [v for v in range(len(mirrored)) if v not in unfit]
+    rows = [(initial.videos[v], keypoints.videos[v], mirrored[v]) for v in taken]
     ids = [motion.id for motion, *_ in rows]
     others = [[a for a in initial.alternatives if a.motion.id == i] for i in ids]
     candidates = [

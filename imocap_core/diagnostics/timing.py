@@ -366,22 +366,19 @@ def decision_findings(sync: SyncSummary) -> list[Finding]:
 
 def _excluded(sync: SyncSummary, video: str) -> Finding:
     if any(note.startswith(f"{video} {NO_BODY}") for note in sync.notes):
-        return Finding(
-            "decision",
-            video,
-            "left out, because its detections fit no body, not even from this video alone: much "
-            "of the person is hidden or out of the picture, or it is not one person",
-            "left out: its detections fit no body",
-            "use another clip instead, in which most of the person is visible",
+        why = (
+            "its detections fit no body, not even from this video alone: much of the person is "
+            "hidden or out of the picture, or it is not one person"
         )
-    return Finding(
-        "decision",
-        video,
-        f"left out, because it seems to show another action{_score(sync, video)}; its motion is "
-        "that of this video alone and not in the others' time",
-        "left out as another action",
-        f"if it does show this action, run again with {KEEP}",
-    )
+        brief = "left out: its detections fit no body"
+        remedy = "use another clip instead, in which most of the person is visible"
+    else:
+        why = (
+            f"it seems to show another action{_score(sync, video)}; its motion is that of this "
+            "video alone and not in the others' time"
+        )
+        brief, remedy = "left out as another action", f"if it shows this action, run with {KEEP}"
+    return Finding("decision", video, f"left out, because {why}", brief, remedy)
 
 
 def _mirrored(sync: SyncSummary, video: str) -> Finding:

@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise
-from imocap_core.motion.multiview.common_motion import finite_median
 from imocap_core.motion.multiview.per_video import (
     CONTACT_SCALE,
     COUPLED,
@@ -32,6 +31,7 @@ from imocap_core.motion.multiview.scene import (
 )
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import Body, MotionState
+from imocap_core.robust import finite_median
 from imocap_core.rotations import exp, geodesic_angle
 from imocap_core.sync.warp.template import OFFSET_START
 from tests.motion.made import FRAMES, WEIGHTS, Made, mpjpe_mm

@@ -20,6 +20,7 @@ from imocap_core.motion.multiview.scene import (
     agreement,
     cameras_from_motion,
     mean_shapes,
+    starts_by_video,
     to_world,
 )
 from imocap_core.motion.multiview.smpl_ba import common_then_deviations, solve_jointly
@@ -152,6 +153,20 @@ def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> No
     )
     assert float((start_mm - true_mm).norm(dim=-1).min()) > 200
     assert float((found_mm - true_mm).norm(dim=-1).quantile(0.9)) < 50
+
+
+def test_a_start_for_each_video_whose_arms_or_legs_are_elsewhere(made: Made) -> None:
+    own, elbow = in_own_axes(made), SMPL_JOINTS.index("left_elbow")
+    given = whole(made, unmatched=5), made.cameras(), made.state, ("shoulder", "elbow")
+    assert starts_by_video(given[0], own, *given[1:]) == []
+    bent = own.R_local.clone()
+    bent[1, :, elbow] = exp(torch.tensor([0.0, 1.6, 0.0], dtype=torch.float64))
+    first, second = starts_by_video(given[0], replace(own, R_local=bent), *given[1:])
+    assert first is made.state
+    changed = (second.R_local != first.R_local).flatten(3).any(-1)[0]
+    assert changed[: FRAMES - 5, elbow].all()
+    assert not changed[FRAMES - 5 :].any()
+    assert torch.equal(second.R_local[0, : FRAMES - 5, elbow], bent[1, : FRAMES - 5, elbow])
 
 
 @pytest.mark.long

@@ -276,12 +276,9 @@ class Prediction:
 
 
 def predicted_limbs(
-    body: Body,
-    prior: PosePrior,
-    observations: Sequence[Observation],
-    state: MotionState,
+    body: Body, prior: PosePrior, observations: Sequence[Observation], state: MotionState,
     weights: FitParams,
-) -> list[Prediction]:
+) -> list[Prediction]:  # fmt: skip
     """Each video's limbs, hidden one at a time, from its own fit (``state``)."""
     shares = point_shares(body.keypoints.names)
     limbs = [stretches(len(o.xy_px), o.fps) % len(HIDDEN_LIMBS) for o in observations]

@@ -37,6 +37,7 @@ from imocap_core.motion.multiview.scene import (
     consensus_motion,
     correlation_frames,
     root_positions,
+    starts_by_video,
 )
 from imocap_core.motion.multiview.timeline import sample_keypoints
 from imocap_core.motion.state import Body, MotionState
@@ -44,7 +45,7 @@ from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Sc
 from imocap_core.motion.terms.body_priors import LevelCameras
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
-from imocap_core.robust import geman_mcclure
+from imocap_core.robust import finite_median, geman_mcclure
 from imocap_core.sync.warp.template import OFFSET_FLOOR, OFFSET_START
 from imocap_core.workers import serial_map, thread_map
 
@@ -283,14 +284,6 @@ def spread_beyond_noise_m(
     return np.where(usable, spread, np.array(typical)[:, None, None])
 
 
-def finite_median(values: Float[np.ndarray, "... W"]) -> Float[np.ndarray, "..."]:
-    """Medians over the last axis without NaN (`np.nanmedian`, faster); no row may be all NaN."""
-    ordered = np.sort(values, axis=-1)  # NaN last
-    count = np.isfinite(values).sum(-1, keepdims=True)
-    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((count - 1) // 2, count // 2))
-    return np.asarray(0.5 * (low + high))
-
-
 ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
 
 
@@ -319,8 +312,10 @@ def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> lis
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
 # A second start is the motion fitted at this one: a limb on the wrong side feels the keypoints of
 # the views that see it elsewhere. At the others those are outliers, and two opposite views agree
-# with either side. The start that ends at the lower objective is followed.
+# with either side. Further starts have the arms, then the legs, of single videos: where all look
+# along one line, depth stays as it began. The start that ends at the lowest objective is followed.
 WIDE = 10.0
+_LIMBS = ("collar", "shoulder", "elbow", "wrist"), ("hip", "knee", "ankle")
 MISFIT_SIGMAS = 3.0  # Geman-McClure scale of the misfit, relative to the final robust scale
 
 
@@ -384,7 +379,12 @@ def fit_in_stages(
         views = replace(views, robust_scale=final * stage)
         weighted = with_keypoint_spread(views, motion, spread_m)
         fits = [fit_common_motion(weighted, begun, unknowns, terms, steps) for begun in starts]
-        motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
+        for limbs in _LIMBS if restart and stage == ROBUST_STAGES[0] else ():
+            motion, cameras, _ = min(fits, key=_cost)
+            turned = replace(weighted, cameras=cameras)
+            others = starts_by_video(scene, state, cameras, motion, limbs)
+            fits += [fit_common_motion(turned, begun, unknowns, terms, steps) for begun in others]
+        motion, cameras, solution = min(fits, key=_cost)
         starts = [motion]
         views = estimate_offset_sd(replace(views, cameras=cameras), motion)
         spread_m = keypoint_spread_m(replace(views, robust_scale=final), motion, scene.fps)
@@ -399,6 +399,10 @@ def fit_in_stages(
     spread = None if sd is None else DeviationSpread(spread_m, sd, of_each)
     spread = spread or estimate_spread(scene, motion, cameras)
     return CommonFit(motion, cameras, spread, costs, status, misfit(scene, motion, cameras, sd))
+
+
+def _cost(fit: tuple[MotionState, Cameras, Solution]) -> float:
+    return fit[2].costs[-1]
 
 
 def estimate_spread(scene: Scene, motion: MotionState, cameras: Cameras) -> DeviationSpread:

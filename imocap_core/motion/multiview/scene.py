@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int, Int64
 from torch import Tensor
 
 from imocap_core.camera.averaging import mean_rotation, mean_vector
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.multiview.timeline import (
     BeyondReference,
@@ -415,6 +416,30 @@ def consensus_motion(scene: Scene, state: MotionState, cameras: Cameras) -> Moti
     valid = torch.ones(1, len(path), dtype=torch.bool, device=path.device)
     motion = MotionState.of(R[None], (path - rest)[None], shapes[:1], valid)
     return replace(motion, other_betas=shapes[None, 1:])
+
+
+_APART_RAD = 0.3  # mean angle of a limb's joints from which a video has it elsewhere
+
+
+def starts_by_video(
+    scene: Scene, state: MotionState, cameras: Cameras, motion: MotionState, limbs: Sequence[str]
+) -> list[MotionState]:
+    """A common motion with the limbs of each video that has them elsewhere; first the motion
+    itself, unless none has.
+
+    Args:
+        state: every video's motion in its own camera's axes; limbs: joints' names without sides.
+    """
+    joints = [SMPL_JOINTS.index(f"{side}_{name}") for side in ("left", "right") for name in limbs]
+    world, starts = to_world(scene.aligned(state), cameras), []
+    for R_video, weight in zip(world.R_local[:, :, joints], world.weight, strict=True):
+        matched, R_local = weight > 0, motion.R_local.clone()
+        apart = geodesic_angle(R_video, R_local[0][:, joints])[matched]
+        if matched.any() and apart.mean() > _APART_RAD:
+            common = R_local[0][:, joints]
+            R_local[0, :, joints] = torch.where(matched[:, None, None, None], R_video, common)
+            starts.append(replace(motion, R_local=R_local))
+    return [motion, *starts] if starts else []
 
 
 def nearest_true(flags: Bool[Tensor, "B T"]) -> Int64[Tensor, "B T"]:

@@ -1,13 +1,12 @@
 """Which videos are mirrored, and which show another action, decided and said in words.
 
-A video is mirrored where the others' common motion explains its keypoints clearly
-better reflected, and most videos clearly better as they are taken; where most do not, the action is
-nearly its own mirror image, and nothing is decided. Of several at once each has to be so many times
-as clear. A video shows another action where the others' motion explains it no better than a static
-pose would, much worse than they explain each other without it, and much less of its change over
-time than of theirs: who moves as they do, slower, from another side or badly in places, takes part.
-The clearest is decided first, and the rest is explained anew. What is not clear is reported, never
-acted on.
+A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
+and most videos clearly better as they are taken; where most do not, the action is nearly its own
+mirror image, and nothing is decided. Of several at once each has to be so many times as clear. A
+video shows another action where the others' motion explains it no better than a static pose would,
+much worse than they explain each other without it, and much less of its change over time than of
+theirs: who moves as they do, slower, from another side or badly in places, takes part. The clearest
+is decided first, and the rest is explained anew. What is not clear is reported, never acted on.
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ class Decisions:
 
     Attributes:
         mirrored, outliers: detected.
-        clearly_mirrored: those of `mirrored` that are clear enough to be flipped.
         undecided: look like another action, but the evidence is not clear.
         symmetric: the action is nearly its own mirror image: no video can be called mirrored.
         margin: by how much (logarithm) a video fits the others better reflected; NaN if unknown.
@@ -47,7 +45,6 @@ class Decisions:
     outliers: tuple[int, ...]
     margin: Float[np.ndarray, " M"]
     score: Float[np.ndarray, " M"]
-    clearly_mirrored: tuple[int, ...] = ()
     undecided: tuple[int, ...] = ()
     symmetric: bool = False
 
@@ -121,7 +118,6 @@ def decide_by_keypoints(
     doubtful = tuple(v for v in left if score[v] > DOUBTFUL) if look_outliers else ()
     return Decisions(
         mirrored=mirrored,
-        clearly_mirrored=mirrored,
         outliers=tuple(sorted(outliers)),
         undecided=doubtful,
         symmetric=look_mirrored and not _is_decidable(members.explained),

@@ -443,15 +443,10 @@ def explanations(
             for k in (video.keypoints, reflected_keypoints(video.keypoints, twins))
         )
         squares = begun**2 - begun_mirrored**2
-        rows.append(
-            (
-                as_it_is.residual,
-                _ratio(begun, begun_mirrored),
-                np.sign(squares) * np.sqrt(abs(squares)),
-                _ratio(as_it_is.residual, as_it_is.static_residual),
-                as_it_is.explained_change,
-            )
-        )
+        signed = np.sign(squares) * np.sqrt(abs(squares))
+        ratio = _ratio(begun, begun_mirrored)
+        static_ratio = _ratio(as_it_is.residual, as_it_is.static_residual)
+        rows.append((as_it_is.residual, ratio, signed, static_ratio, as_it_is.explained_change))
     residual, reflected, asymmetry, static, change = np.array(rows).T
     return Explanations(residual, reflected, asymmetry, static, change, upright, common)
 

@@ -16,8 +16,6 @@ from imocap_core.sync.screening.explanation import prepared
 from imocap_core.sync.screening.registration import Keypoints2D
 
 RATE_PER_S = 15.0  # estimates err for about a quarter of a second: more frames tell little more
-OUTLIERS = ("exclude", "report", "ignore")
-MIRRORED = ("flip", "report", "ignore")
 
 
 @dataclass(frozen=True)
@@ -63,9 +61,8 @@ def screen(evidence: SyncEvidence, rates: Float[np.ndarray, " M"], params: SyncP
         rates: seconds of the action per second of each video.
 
     Raises:
-        ValueError: unknown switches, or a video declared mirrored without twins.
+        ValueError: a video is declared mirrored, without twins.
     """
-    _check(params)
     twins, declared = evidence.twins, evidence.mirrored or [None] * len(rates)
     look_outliers = params.outliers != "ignore"
     look_mirrored = twins is not None and params.mirrored != "ignore"
@@ -92,12 +89,11 @@ def screen(evidence: SyncEvidence, rates: Float[np.ndarray, " M"], params: SyncP
         upright, paired, [d is not None for d in declared], np.arange(M) == evidence.reference,
         unfit, look_mirrored=look_mirrored, look_outliers=look_outliers,
     )  # fmt: skip
-    flips = decided.clearly_mirrored if params.mirrored == "flip" else ()
-    outliers = tuple(sorted(decided.outliers))
+    flips = decided.mirrored if params.mirrored == "flip" else ()
     return Screening(
-        outliers=outliers,
+        outliers=decided.outliers,
         mirrored=tuple(sorted({*decided.mirrored, *declared_mirrored})),
-        excluded=outliers if params.outliers == "exclude" else (),
+        excluded=decided.outliers if params.outliers == "exclude" else (),
         flipped=tuple(sorted({*flips, *declared_mirrored})),
         outlier_score=decided.score,
         mirror_margin=decided.margin,
@@ -117,16 +113,6 @@ def _pictures(
     ]
     turned = [np.roll(x, 1 - int(np.sum(spread, axis=0).argmax()), axis=-1) for x in poses]
     return turned, [Keypoints2D(x[..., :2], w) for x, w in zip(turned, weights, strict=True)]
-
-
-def _check(params: SyncParams) -> None:
-    outliers, mirrored, faults = params.outliers, params.mirrored, []
-    if outliers not in OUTLIERS:
-        faults.append(f"outliers: expected one of {', '.join(OUTLIERS)}, got {outliers!r}")
-    if mirrored not in MIRRORED:
-        faults.append(f"mirrored: expected one of {', '.join(MIRRORED)}, got {mirrored!r}")
-    if faults:
-        raise ValueError("; ".join(faults))
 
 
 ANOTHER_ACTION = "seems to show another action"

@@ -98,12 +98,6 @@ class StepPrior:
         if not (0 < self.usual <= self.largest and 0 <= self.leap <= 1 and 0 < self.decay <= 1):
             raise ValueError(f"expected 0 < usual <= largest, leap and decay in [0, 1], got {self}")
 
-    def advanced(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
-        """Sum (S,) over all states that lead to each, weighted by the step."""
-        total = np.empty_like(state)
-        _advance(state, 0, total, 0, astuple(self))
-        return total
-
     def mean(self, filling: float) -> float:
         """Mean step by the decaying weights; `filling` where they do not decay."""
         return self.decay / (1.0 - self.decay) if self.decay < 1.0 else filling
