@@ -22,7 +22,7 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 334,
-    "lines of the core": 69_780,
+    "lines of the core": 69_778,
     "packages of the core": 40,
     "public names of the core": 3_921,
     "lines of the core's longest function": 77,

@@ -29,9 +29,7 @@ from imocap_core.sync.hypotheses import (
 from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
 
 FIRST = "best"  # name of the motion of lowest cost
-MISFIT = (
-    0.085  # error of hidden limbs above which detections fit no body: 0.07 and 0.10 on real ones
-)
+MISFIT = 0.085  # error of hidden limbs above which detections fit no body (docs/sync.md)
 
 
 @dataclass(frozen=True)
