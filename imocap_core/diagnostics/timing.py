@@ -310,15 +310,14 @@ def _repetition_finding(video: VideoTrust, reference: str) -> Finding:
         "repetition",
         video.id,
         f"the action repeats: {abs(video.repetition_s):.1f} s {direction} in {reference} the video "
-        f"fits nearly as well (squared distances of poses {video.repetition_ratio:.1f} times as "
-        "large)",
+        f"fits nearly as well (squared pose distances {video.repetition_ratio:.1f} times as large)",
         "may be matched a repetition off",
         f"if it is, {anchor_advice(video.id, reference)}",
     )
 
 
-# Score of repetitions that nobody declared, of a single one at most; how much of a video is counted
-_COUNTED, _SINGLE, _COUNTED_S = 0.75, 0.5, 30.0
+# Of repetitions that nobody declared: score and length (parts of a throw are alike), score of one
+_COUNTED, _SHORTEST_S, _SINGLE, _COUNTED_S = 0.75, 0.8, 0.5, 30.0
 
 
 def count_findings(
@@ -329,8 +328,9 @@ def count_findings(
     for video, camera in zip(videos, cameras, strict=False):
         some, fps = slice(round(_COUNTED_S * video.fps)), video.fps
         cut = find_picture_repetitions(camera.xy_first_px[some], video.confidence[some], fps)
-        if video.id in used and not _SINGLE < cut.score < _COUNTED:
-            counts[video.id] = len(cut.spans) if cut.score >= _COUNTED else 1
+        several = cut.score >= _COUNTED and np.median(np.diff(cut.spans)) >= _SHORTEST_S * fps
+        if video.id in used and (several or cut.score <= _SINGLE):
+            counts[video.id] = len(cut.spans) if several else 1
     fewest = min(counts, key=lambda video: counts[video], default="")
     repeated = [video for video, count in counts.items() if count > 1]
     where = f" for {listed(repeated)}" if len(repeated) > 1 else ""
