@@ -15,7 +15,7 @@ from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import each
 from benchmarks.tables import markdown_table, write_rows
 from imocap_core.adapters.hypotheses import keypoints_of_joints
-from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.conventions import EVAL_14, SMPL_JOINTS, mirror_indices
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import Params, SyncParams
 from imocap_core.pipeline.runner import Display
@@ -91,7 +91,7 @@ def is_asymmetric(cast: screening_casts.FittedCast) -> bool:
     evidence = SyncEvidence(
         [film.true_joints_m for film in films],
         fps=[film.keypoints.fps for film in films],
-        twins=mirror_indices(SMPL_JOINTS),
+        twins=mirror_indices(EVAL_14),
     )
     return not screened(evidence, Params().sync).symmetric
 

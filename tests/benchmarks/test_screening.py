@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,11 +32,13 @@ BAD = replace(
 )  # fmt: skip
 
 
-def test_a_performance_mirrored_twice_is_itself_and_once_is_not() -> None:
-    joints = np.random.default_rng(0).normal(size=(7, 14, 3))
-    once = mirrored_performance(joints)
-    np.testing.assert_array_equal(mirrored_performance(once), joints)
-    assert not np.allclose(once, joints)
+@pytest.mark.parametrize(("waving", "expected"), [([6], True), ([6, 11], False)])
+def test_an_action_of_one_arm_is_asymmetric_and_of_both_is_not(waving, expected) -> None:
+    joints = np.random.default_rng(0).normal(size=(1, 14, 3)).repeat(90, axis=0)
+    joints += mirrored_performance(joints)
+    joints[:, waving, 1:] += np.sin(np.linspace(0, 9, 90))[:, None, None]
+    film = SimpleNamespace(true_joints_m=joints, keypoints=SimpleNamespace(fps=15.0))
+    assert screening.is_asymmetric(SimpleNamespace(films=[film] * 3)) == expected
 
 
 def test_occlusion_only_takes_detections_away() -> None:

@@ -14,7 +14,6 @@ from imocap_core.sync.warp.soft_maps import at_fine_positions, step_prior
 
 
 def monotone_posterior(cost: np.ndarray, **given) -> tuple[np.ndarray, np.ndarray]:
-    """`banded_posterior` of all positions, as matrices."""
     posterior, matched = banded_posterior(whole_band(cost), **given)
     return posterior.values[0], matched
 
