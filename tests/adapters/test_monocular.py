@@ -11,6 +11,7 @@ import torch
 
 from benchmarks.lifter import LifterRow, markdown, write_table
 from imocap_core.adapters.estimates import estimate_of
+from imocap_core.adapters.hypotheses import unfit_videos
 from imocap_core.adapters.monocular import (
     ANY,
     SingleVideo,
@@ -112,6 +113,7 @@ def test_an_actions_result_has_every_fit_under_its_name(made: Made) -> None:
             source={ANY: "monocular"},
             starts=[StartFit(video=ANY, name="start 1", cost=3.0 + v, chosen=True)],
             alternatives=[AlternativeMotion(name="depth", excess_cost=1.0 + v, motion=motion)],
+            limb_errors={ANY: 0.02 + 0.1 * v},
         )
 
     result = joined([fit(0), fit(1)], ["v1", "v2"])
@@ -119,6 +121,8 @@ def test_an_actions_result_has_every_fit_under_its_name(made: Made) -> None:
     assert result.source == made.initial.source
     assert [(start.video, start.cost) for start in result.starts] == [("v1", 3.0), ("v2", 4.0)]
     assert [other.motion.id for other in result.alternatives] == ["v1", "v2"]
+    three = joined([fit(0), fit(1), fit(0)], ["v1", "v2", "v3"])
+    assert (unfit_videos(result), unfit_videos(three)) == ([], [1])  # two are left at least
 
 
 FRAMES = 60

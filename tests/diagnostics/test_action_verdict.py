@@ -188,6 +188,12 @@ def test_a_video_left_out_is_named_with_the_way_back(made: Made) -> None:
     assert "one more video" not in verdict.summary[2]
 
 
+def test_a_video_whose_detections_fit_no_body_is_named(made: Made) -> None:
+    verdict = judged(made, excluded=["v3"], notes=["v3 has detections that fit no body: out"])
+    assert "v3 (left out: its detections fit no body)" in verdict.summary[1]
+    assert "v3: use another clip instead" in verdict.summary[2]
+
+
 def test_a_mirrored_video_is_named_with_the_way_back(made: Made) -> None:
     verdict = judged(made, mirrored=["v2"])
     assert "v2 (treated as mirrored)" in verdict.summary[1]

@@ -157,11 +157,11 @@ def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> No
 
 def test_a_start_for_each_video_whose_arms_or_legs_are_elsewhere(made: Made) -> None:
     own, elbow = in_own_axes(made), SMPL_JOINTS.index("left_elbow")
-    given = whole(made, unmatched=5), made.cameras(), made.state, ("shoulder", "elbow")
-    assert starts_by_video(given[0], own, *given[1:]) == []
+    scene, given = whole(made, unmatched=5), (made.state, ("shoulder", "elbow"))
+    assert starts_by_video(scene.aligned(own), *given) == []
     bent = own.R_local.clone()
     bent[1, :, elbow] = exp(torch.tensor([0.0, 1.6, 0.0], dtype=torch.float64))
-    _, second = starts_by_video(given[0], replace(own, R_local=bent), *given[1:])
+    _, second = starts_by_video(scene.aligned(replace(own, R_local=bent)), *given)
     changed = (second.R_local != made.state.R_local).flatten(3).any(-1)[0]
     assert changed[:, elbow].tolist() == [True] * (FRAMES - 5) + [False] * 5
     assert torch.equal(second.R_local[0, : FRAMES - 5, elbow], bent[1, : FRAMES - 5, elbow])

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import SyncEvidence, SyncResult, screened
+from imocap_core.sync import SyncEvidence, SyncResult, estimated_rates, screened
 from imocap_core.sync.screening.explanation import mirrored_poses, signs_of
 from imocap_core.sync.screening.screening import Screening, sentences
 from tests.sync.test_synchronise import FOUR_FPS, PARAMS, estimated, four_phases, run
 
 TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
-
-
 SCREENED = replace(PARAMS, consensus_rounds=0)  # maps are refined after the screening
 
 
@@ -69,31 +67,28 @@ def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(whe
     assert messages[0].startswith("abcde"[where] + " seems to show another action")
 
 
-def test_the_switch_reports_or_ignores() -> None:
+def test_the_switch_reports_or_ignores_and_a_given_reference_stays() -> None:
     rng = np.random.default_rng(12)
     poses = [*(estimated(p, rng) for p in four_phases()), stranger(rng)]
     reported = judged(poses, replace(SCREENED, outliers="report"))
-    assert reported.outliers == (4,)
-    assert reported.excluded == ()
-    ignored = judged(poses, replace(SCREENED, outliers="ignore"))
-    assert ignored.outliers == ()
+    assert (reported.outliers, reported.excluded) == ((4,), ())
     assert "used nevertheless" in " ".join(sentences(reported, "abcde"))
-    assert sentences(ignored, "abcde") == []
+    ignored = judged(poses, replace(SCREENED, outliers="ignore"))
+    assert (ignored.outliers, sentences(ignored, "abcde")) == ((), [])
+    assert judged(poses, reference=4).excluded == ()
 
 
-def test_detections_that_fit_no_body_are_left_out() -> None:
-    poses = four_videos(12)
+def test_detections_that_fit_no_body_are_left_out_and_decide_nothing() -> None:
+    poses, others = four_videos(12), [0, 1, 3]
     screening = judged(poses, unfit=[2])
-    assert screening.excluded == screening.unfit == (2,)
+    assert screening.excluded == (2,)
     assert "c has detections that fit no body: left out" in sentences(screening, "abcd")[0]
-    assert judged(poses, replace(SCREENED, outliers="report"), unfit=[0]).excluded == ()
-    assert judged(poses, unfit=[0], reference=0).unfit == ()
-
-
-def test_a_reference_that_was_given_stays() -> None:
-    rng = np.random.default_rng(12)
-    poses = [stranger(rng), *(estimated(p, rng) for p in four_phases())]
-    assert judged(poses, reference=0).excluded == ()
+    assert judged(poses, unfit=[2], reference=2).unfit == ()
+    evidence = SyncEvidence([x[::4] if v == 0 else x for v, x in enumerate(poses)], [FOUR_FPS] * 4)
+    alone = estimated_rates(evidence.among(others), SCREENED)
+    rates = estimated_rates(replace(evidence, unfit=[2]), SCREENED)
+    np.testing.assert_array_equal(rates, np.insert(alone, 2, 1.0))
+    assert alone[0] != 1.0
 
 
 def test_no_clean_clip_and_no_bad_estimate_is_an_outlier_or_mirrored() -> None:
@@ -101,8 +96,7 @@ def test_no_clean_clip_and_no_bad_estimate_is_an_outlier_or_mirrored() -> None:
     bad = [estimated(p, rng, 0.15 if v == 1 else 0.03) for v, p in enumerate(phases)]
     clean = judged(four_videos(100), twins=TWINS)
     for screening in (of_genuine_videos().screening, clean, judged(bad)):
-        assert screening.outliers == ()
-        assert screening.mirrored == ()
+        assert (screening.outliers, screening.mirrored) == ((), ())
 
 
 def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored() -> None:
@@ -110,8 +104,7 @@ def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored() -> Non
     straight = run_four(poses, twins=TWINS, reference=1)
     poses[0] = mirrored_poses(poses[0], TWINS)
     result = run_four(poses, twins=TWINS, reference=1)
-    assert result.screening.flipped == (0,)
-    assert result.screening.outliers == ()
+    assert (result.screening.flipped, result.screening.outliers) == ((0,), ())
     for f, g in zip(result.reference_frame, straight.reference_frame, strict=True):
         np.testing.assert_allclose(f, g, atol=1e-6)
 
@@ -120,20 +113,16 @@ def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
     poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
     screening = judged(poses, replace(SCREENED, mirrored="report"), twins=TWINS)
-    assert screening.mirrored == (2,)
-    assert screening.flipped == ()
-    assert screening.outliers == ()
+    assert (screening.mirrored, screening.flipped, screening.outliers) == ((2,), (), ())
     assert "left as it is" in sentences(screening, "abcd")[0]
 
 
 def test_what_the_user_declares_overrides_the_evidence() -> None:
     poses = four_videos(13)
     poses[2] = mirrored_poses(poses[2], TWINS)
-    declared = judged(poses, twins=TWINS, mirrored=[None, None, True, None])
-    assert declared.flipped == (2,)
+    assert judged(poses, twins=TWINS, mirrored=[None, None, True, None]).flipped == (2,)
     ignoring = replace(SCREENED, outliers="ignore")
-    denied = judged(poses, ignoring, twins=TWINS, mirrored=[None, None, False, None])
-    assert 2 not in denied.flipped
+    assert 2 not in judged(poses, ignoring, twins=TWINS, mirrored=[None, None, False, None]).flipped
     with pytest.raises(ValueError, match="twins"):
         run_four(poses, mirrored=[None, None, True, None])
 

@@ -370,7 +370,7 @@ def fit_in_stages(
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
     terms += estimate_terms(scene, start.trans, options)
     motion, costs, status, steps = start, list[float](), "", options.max_steps
-    spread_m, starts = np.zeros(keypoints.weight.shape), [start]
+    spread_m, starts, aligned = np.zeros(keypoints.weight.shape), [start], scene.aligned(state)
     if restart:
         progress(f"common motion, robust scale {WIDE:g}x")
         starts.append(fit_common_motion(views, start, NO_UNKNOWNS, terms, steps)[0])
@@ -382,7 +382,7 @@ def fit_in_stages(
         for limbs in _LIMBS if restart and stage == ROBUST_STAGES[0] else ():
             motion, cameras, _ = min(fits, key=_cost)
             turned = replace(weighted, cameras=cameras)
-            others = starts_by_video(scene, state, cameras, motion, limbs)
+            others = starts_by_video(aligned, motion, limbs)
             fits += [fit_common_motion(turned, begun, unknowns, terms, steps) for begun in others]
         motion, cameras, solution = min(fits, key=_cost)
         starts = [motion]

@@ -422,21 +422,15 @@ _APART_RAD = 0.3  # mean angle of a limb's joints from which a video has it else
 
 
 def starts_by_video(
-    scene: Scene, state: MotionState, cameras: Cameras, motion: MotionState, limbs: Sequence[str]
+    aligned: AlignedMotions, motion: MotionState, limbs: Sequence[str]
 ) -> list[MotionState]:
     """A common motion with the limbs of each video that has them elsewhere; first the motion
-    itself, unless none has.
-
-    Args:
-        state: every video's motion in its own camera's axes; limbs: joints' names without sides.
-    """
+    itself, unless none has. limbs: joints' names without sides."""
     joints = [SMPL_JOINTS.index(f"{side}_{name}") for side in ("left", "right") for name in limbs]
-    world, starts = to_world(scene.aligned(state), cameras), []
-    for R_video, weight in zip(world.R_local[:, :, joints], world.weight, strict=True):
+    common, starts = motion.R_local[0][:, joints], []
+    for R_video, weight in zip(aligned.R_local[:, :, joints], aligned.weight, strict=True):
         matched, R_local = weight > 0, motion.R_local.clone()
-        apart = geodesic_angle(R_video, R_local[0][:, joints])[matched]
-        if matched.any() and apart.mean() > _APART_RAD:
-            common = R_local[0][:, joints]
+        if matched.any() and geodesic_angle(R_video, common)[matched].mean() > _APART_RAD:
             R_local[0, :, joints] = torch.where(matched[:, None, None, None], R_video, common)
             starts.append(replace(motion, R_local=R_local))
     return [motion, *starts] if starts else []
