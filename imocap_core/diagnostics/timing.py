@@ -316,7 +316,8 @@ def _repetition_finding(video: VideoTrust, reference: str) -> Finding:
     )
 
 
-# Of repetitions that nobody declared: score and length (parts of a throw are alike), score of one
+# Undeclared repetitions count from this score and length (halves of a throw look alike); up to the
+# second score there is one. The first seconds of a video are counted.
 _COUNTED, _SHORTEST_S, _SINGLE, _COUNTED_S = 0.75, 0.8, 0.5, 30.0
 
 

@@ -418,14 +418,18 @@ def consensus_motion(scene: Scene, state: MotionState, cameras: Cameras) -> Moti
     return replace(motion, other_betas=shapes[None, 1:])
 
 
-_APART_RAD = 0.3  # mean angle of a limb's joints from which a video has it elsewhere
+_APART_RAD = 0.3  # mean angle of the limbs' joints from which they differ
 
 
 def starts_by_video(
     aligned: AlignedMotions, motion: MotionState, limbs: Sequence[str]
 ) -> list[MotionState]:
-    """A common motion with the limbs of each video that has them elsewhere; first the motion
-    itself, unless none has. limbs: joints' names without sides."""
+    """For each video whose limbs differ from a common motion's, that motion with its limbs. The
+    motion as it is comes first; nothing where no video differs.
+
+    Args:
+        limbs: joints' names without sides.
+    """
     joints = [SMPL_JOINTS.index(f"{side}_{name}") for side in ("left", "right") for name in limbs]
     common, starts = motion.R_local[0][:, joints], []
     for R_video, weight in zip(aligned.R_local[:, :, joints], aligned.weight, strict=True):
