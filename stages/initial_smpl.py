@@ -20,7 +20,6 @@ from imocap_core.adapters.monocular import (
     fit_single_video,
     joined,
     pose_libraries,
-    refits_of_swapped,
 )
 from imocap_core.artifacts.schemas import Artifact, CameraMotion, InitialSmpl, Keypoints
 from imocap_core.cli import stage_main
@@ -40,7 +39,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
 
     def part(i: str) -> InitialSmpl:
         def progress(doing: str) -> None:
-            ctx.progress(0.8 * len(ended) / len(ids), f"{i}: {doing}")
+            ctx.progress(len(ended) / len(ids), f"{i}: {doing}")
 
         fit = part_of_video(ctx, params, i, videos[i], libraries, len(ids) == 1, progress)
         ended.append(i)
@@ -48,14 +47,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
 
     longest = max(video.frames for video in videos.values())
     most = motions_at_once(2 * longest)  # a video's starts are fitted at once, too
-    result = joined(thread_map(part, ids, most), ids)
-    if len(ids) > 1 and params.initial_smpl.hypotheses > 1:
-        ctx.progress(0.8, "sides that the other videos' motions swap")
-        prior, singles = load_pose_prior(ctx.device), list(videos.values())
-        options = params.initial_smpl
-        refits = refits_of_swapped(singles, result, prior, libraries, params.fit, options)
-        result.alternatives.extend(refits)
-    return result
+    return joined(thread_map(part, ids, most), ids)
 
 
 def make_part(ctx: Context, inputs: Inputs, params: Params, video: str) -> None:

@@ -22,7 +22,14 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import Model
 from imocap_core.body.layouts import layout_names
-from imocap_core.camera.gravity import BodyMotion, Extrinsics, FilmedBody, estimate_ground, to_world
+from imocap_core.camera.gravity import (
+    BodyMotion,
+    Extrinsics,
+    FilmedBody,
+    estimate_ground,
+    gravity_cost,
+    to_world,
+)
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import LevelPrior, camera_angles_deg
 from imocap_core.conventions import SIDES, SMPL_JOINTS
@@ -91,6 +98,14 @@ def grounds_of(
         return _stored_ground(estimate_ground([body], _level_prior(fit)))
 
     return thread_map(ground, range(len(videos)))
+
+
+def fall_cost(
+    motion: VideoMotion, video: VideoKeypoints, camera: VideoCameraMotion, fit: FitParams
+) -> float:
+    """How far a monocular motion is from one that gravity allows (`gravity_cost`)."""
+    R_mean = np.asarray(camera.R_first_from_frame.mean(axis=0).T)
+    return gravity_cost(_filmed(motion.joints, video, R_mean), _level_prior(fit))
 
 
 _BEYOND = {"ankle": ["foot"], "wrist": ["hand"], "knee": [], "elbow": []}  # that they show as well

@@ -9,7 +9,6 @@ import numpy as np
 
 from imocap_core.artifacts.schemas import (
     AlternativeMotion,
-    CameraMotion,
     InitialSmpl,
     Keypoints,
     VideoKeypoints,
@@ -18,14 +17,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.motion.state import mirrored_joints
-from imocap_core.sync.hypotheses import (
-    CandidateMotions,
-    Hypothesis3D,
-    choose_jointly,
-    sentences,
-    swapped_keypoints,
-    with_swapped_sides,
-)
+from imocap_core.sync.hypotheses import CandidateMotions, Hypothesis3D, choose_jointly, sentences
 from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
 
 FIRST = "best"  # name of the motion of lowest cost
@@ -51,49 +43,6 @@ def chosen_motions(initial: InitialSmpl, chosen: Mapping[str, str]) -> list[Vide
     """The motion of every video; ``chosen``: names of alternatives by video."""
     by_name = {(a.motion.id, a.name): a.motion for a in initial.alternatives}
     return [by_name[m.id, chosen[m.id]] if m.id in chosen else m for m in initial.videos]
-
-
-def explained_keypoints(
-    initial: InitialSmpl, keypoints: Keypoints, chosen: Mapping[str, str]
-) -> Keypoints:
-    """The detections as the chosen motions explain them: sides swapped where these say so."""
-    states = left_right_swaps(initial, chosen)
-    videos = []
-    for video in keypoints.videos:
-        if video.id in states:
-            names = layout_names(video.layout)
-            xy_px, confidence = (
-                with_swapped_sides(x, states[video.id], names)
-                for x in (video.xy_px, video.confidence)
-            )
-            swapped = {"xy_px": xy_px, "confidence": confidence, "corrected": None}
-            video = video.model_copy(update=swapped)
-        videos.append(video)
-    return Keypoints(videos=videos)
-
-
-def explained_detections(
-    initial: InitialSmpl, keypoints: Keypoints, cameras: CameraMotion, chosen: Mapping[str, str]
-) -> CameraMotion:
-    """The warped detections, likewise."""
-    states = left_right_swaps(initial, chosen)
-    videos = []
-    for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
-        if video.id in states:
-            names = layout_names(video.layout)
-            xy_px = with_swapped_sides(camera.xy_first_px, states[video.id], names)
-            camera = camera.model_copy(update={"xy_first_px": xy_px})
-        videos.append(camera)
-    return CameraMotion(videos=videos)
-
-
-def left_right_swaps(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """What the chosen motions swap (states of `swapped_by_others`), of the videos where they do."""
-    return {
-        a.motion.id: a.swapped
-        for a in initial.alternatives
-        if len(a.swapped) and chosen.get(a.motion.id) == a.name
-    }
 
 
 def choose_alternatives(
@@ -132,19 +81,10 @@ def candidates_of(
     film = keypoints_of_joints(video)
     if reflect:
         film = reflected_keypoints(film, mirror_indices(SMPL_JOINTS))
-    hypotheses = [_hypothesis(motion, film, reflect=reflect)]
-    for other in alternatives:
-        explained = film
-        if len(other.swapped):
-            explained = swapped_keypoints(film, other.swapped, SMPL_JOINTS)
-        hypotheses.append(_hypothesis(other.motion, explained, reflect=reflect))
+    joints = [motion.joints, *(other.motion.joints for other in alternatives)]
+    hypotheses = [Hypothesis3D(mirrored_joints(x) if reflect else x, film) for x in joints]
     excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
-    suggested = np.array([False, *(len(a.swapped) > 0 for a in alternatives)])
-    return CandidateMotions(hypotheses, excess, video.fps, suggested)
-
-
-def _hypothesis(motion: VideoMotion, film: Keypoints2D, *, reflect: bool) -> Hypothesis3D:
-    return Hypothesis3D(mirrored_joints(motion.joints) if reflect else motion.joints, film)
+    return CandidateMotions(hypotheses, excess, video.fps)
 
 
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # marked alike by detectors

@@ -29,7 +29,6 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.motion.monocular.fit import Progress
-from imocap_core.motion.multiview.repair import with_sides
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
@@ -121,9 +120,8 @@ class JointProblem:
         return self.participants.filmed_joints([x[: len(o.xy_px)] for x, o in rows])
 
     def scene_of(self, motion: JointMotion) -> Scene:
-        """The scene as a motion explains it: sides put right as they were when it was solved, and
-        the solved intrinsics."""
-        return with_sides(self.scene, motion.swapped).with_intrinsics(motion.cameras)
+        """The scene with the solved intrinsics."""
+        return self.scene.with_intrinsics(motion.cameras)
 
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
         """All motions in one world, to be compared with every video's detections."""
@@ -164,8 +162,6 @@ def problem_of(
     model = body_for(keypoints, device).model
     chosen = sync.alternatives
     motions = initial.model_copy(update={"videos": hypotheses.chosen_motions(initial, chosen)})
-    camera_motion = hypotheses.explained_detections(initial, keypoints, camera_motion, chosen)
-    keypoints = hypotheses.explained_keypoints(initial, keypoints, chosen)
     participants = participants_of(keypoints, camera_motion, motions, sync, model)
     fit = fit_of(participants.keypoints, fit)
     body = body_for(participants.keypoints, device)  # an excluded video's layout may be another
@@ -177,14 +173,13 @@ def problem_of(
         estimated_joints(participants.initial),
         participants.initial.path_units,
     )
-    swaps, videos = hypotheses.left_right_swaps(initial, chosen), participants.keypoints.videos
+    videos = participants.keypoints.videos
     ups = {}
     for video, ground in zip(initial.videos, initial.grounds, strict=False):
         side = -1.0 if video.id in participants.mirrored else 1.0
         ups[video.id] = ground.up * [side, 1.0, 1.0], ground.tilt_sd_deg
     observations = [
-        replace(o, swapped=swaps.get(video.id), up=ups.get(video.id))
-        for o, video in zip(observations, videos, strict=True)
+        replace(o, up=ups.get(video.id)) for o, video in zip(observations, videos, strict=True)
     ]
     scene = scene_of(body, observations, participants.sync(sync), fit)
     start = state_of(participants.initial.videos, body.model.v_template)

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.adapters.hints import with_one_offset
-from imocap_core.adapters.hypotheses import chosen_motions, explained_keypoints, unfit_videos
+from imocap_core.adapters.hypotheses import chosen_motions, unfit_videos
 from imocap_core.adapters.joint import JointProblem, is_one_motion, shows_one_motion
 from imocap_core.adapters.synchronisation import evidence_of, summary_of, synchronise_motions
 from imocap_core.artifacts.schemas import (
@@ -212,9 +212,8 @@ class LoopSync:
         """The first synchronisation's decisions, if the joint motion decides otherwise."""
         first = single_pass.sync
         joints = problem.filmed_joints(single_pass.motion)
-        keypoints = explained_keypoints(self.initial, self.keypoints, first.alternatives)
         unfit = unfit_videos(self.initial)
-        evidence = evidence_of(joints, keypoints, self.hints, self.cameras, unfit)
+        evidence = evidence_of(joints, self.keypoints, self.hints, self.cameras, unfit)
         evidence = replace(evidence, mirrored=self.declared, rates=self.rates)
         return decided_again(first, screened(evidence, self.params))
 
@@ -233,25 +232,20 @@ class LoopSync:
             reprojection=problem.reprojection_evidence(motion) if pictures else None,
             rates=self.rates,
         )
-        return self._synchronised(evidence, self.keypoints, decided, reference)
+        return self._synchronised(evidence, decided, reference)
 
     def _of_monocular_motions(self, decided: SyncSummary, reference: str | None) -> Sync:
         """The first synchronisation again, with other videos or on another time axis."""
         chosen = decided.alternatives
         joints = [motion.joints for motion in chosen_motions(self.initial, chosen)]
-        keypoints = explained_keypoints(self.initial, self.keypoints, chosen)
-        evidence = evidence_of(joints, keypoints, self.hints, self.cameras)
-        return self._synchronised(evidence, keypoints, decided, reference)
+        evidence = evidence_of(joints, self.keypoints, self.hints, self.cameras)
+        return self._synchronised(evidence, decided, reference)
 
     def _synchronised(
-        self,
-        evidence: SyncEvidence,
-        keypoints: Keypoints,
-        decided: SyncSummary,
-        reference: str | None,
+        self, evidence: SyncEvidence, decided: SyncSummary, reference: str | None
     ) -> Sync:
         """Synchronised; correspondences of one event are one offset and rate a video."""
         sync = synchronise_motions(
-            evidence, keypoints, self.params, self.rng(), reference=reference, decided=decided
+            evidence, self.keypoints, self.params, self.rng(), reference=reference, decided=decided
         )
         return with_one_offset(sync, self.keypoints, self.sound_start_s) if self.event else sync

@@ -13,11 +13,10 @@ from functools import cache
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from imocap_core.adapters.estimates import Estimate
-from imocap_core.adapters.ground import grounds_of
-from imocap_core.adapters.hypotheses import FIRST, candidates_of, unfit_videos
+from imocap_core.adapters.ground import fall_cost, grounds_of
 from imocap_core.adapters.observations import (
     alternatives_of,
     fit_of_single_views,
@@ -32,13 +31,11 @@ from imocap_core.artifacts.schemas import (
     InitialSmpl,
     Keypoints,
     PathUnit,
-    StartFit,
     VideoCameraMotion,
     VideoKeypoints,
+    VideoMotion,
 )
 from imocap_core.body import load_free_body
-from imocap_core.body.layouts import layout_names
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.lifter.infer import Lifted, lift
 from imocap_core.lifter.lifter_network import can_lift, load_lifter, to_common
 from imocap_core.motion.monocular.fit import (
@@ -48,7 +45,7 @@ from imocap_core.motion.monocular.fit import (
     predicted_limbs,
     with_unit,
 )
-from imocap_core.motion.monocular.hypotheses import alternatives, from_starts
+from imocap_core.motion.monocular.hypotheses import alternatives
 from imocap_core.motion.monocular.starts import (
     Library,
     Start,
@@ -61,7 +58,7 @@ from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import Body
 from imocap_core.params import FitParams, InitialSmplParams
-from imocap_core.sync.hypotheses import SWAPPED_PREFIX, swapped_by_others, with_swapped_sides
+from imocap_core.workers import thread_map
 
 KEYPOINTS_ALONE = "monocular"  # origin of a fit without an estimate
 
@@ -268,7 +265,7 @@ def fit_single_video(
     alone: bool,
     progress: Callable[[str], None] = lambda _: None,
 ) -> InitialSmpl:
-    """The motion of lowest cost of one video, its alternatives, and the ground under it.
+    """The likeliest motion of one video, its alternatives, and the ground under it.
 
     alone: no other video can choose among alternatives, so there are none.
     """
@@ -288,22 +285,64 @@ def fit_single_video(
     motions = motions_of(body, solved.state, observations, keypoints)
     (limbs,) = predicted_limbs(body, prior, observations, solved.state, weights)
     progress("other motions that may explain the video")
-    count = 0 if alone or single.estimate is not None else options.hypotheses - 1
+    count = 0 if single.estimate is not None else options.hypotheses - 1
     others = alternatives(
         body, prior, problem.library, observations, solved.coarse, weights,
         videos=[0] if count else [], count=count,
     )  # fmt: skip
+    rest = alternatives_of(body, others, observations, keypoints)
+    first, rest = likeliest_first(motions[0], with_falls(motions[0], rest, single, fit))
     return InitialSmpl(
         model=body.model.name,
         model_digest=body.model.digest,
-        videos=motions,
+        videos=[first],
         source={ANY: problem.source},
         starts=starts_of([ANY], solved.costs),
-        alternatives=alternatives_of(body, others, observations, keypoints),
-        grounds=grounds_of(motions, keypoints, cameras, fit),
+        alternatives=[] if alone else rest,
+        grounds=grounds_of([first], keypoints, cameras, fit),
         path_units=units,
         limb_errors={ANY: limbs.median},
     )
+
+
+PER_FALL = 2.0  # objective a frame that counts as much as twice a nat of evidence from gravity
+
+
+def with_falls(
+    first: VideoMotion, others: Sequence[AlternativeMotion], single: SingleVideo, fit: FitParams
+) -> list[AlternativeMotion]:
+    """Other motions of a video with what gravity says of them in their costs.
+
+    A view hardly shows whether a body leans along the line of sight; one that does would fall.
+    """
+    if not others:
+        return []
+    (video,), (camera,) = single.keypoints.videos, single.cameras.videos
+    of_first = fall_cost(first, video, camera, fit)
+
+    def judged(other: AlternativeMotion) -> AlternativeMotion:
+        more = PER_FALL * (fall_cost(other.motion, video, camera, fit) - of_first)
+        return other.model_copy(update={"excess_cost": other.excess_cost + more})
+
+    return thread_map(judged, others)
+
+
+def likeliest_first(
+    first: VideoMotion, others: Sequence[AlternativeMotion]
+) -> tuple[VideoMotion, list[AlternativeMotion]]:
+    """The motion of lowest cost, and the others; that which it replaces takes its name."""
+    best = min(others, key=lambda a: a.excess_cost, default=None)
+    if best is None or best.excess_cost >= 0:
+        return first, list(others)
+    return best.motion, [
+        a.model_copy(
+            update={
+                "excess_cost": (0.0 if a is best else a.excess_cost) - best.excess_cost,
+                "motion": first if a is best else a.motion,
+            }
+        )
+        for a in others
+    ]
 
 
 def joined(fits: Sequence[InitialSmpl], ids: Sequence[str]) -> InitialSmpl:
@@ -325,104 +364,4 @@ def joined(fits: Sequence[InitialSmpl], ids: Sequence[str]) -> InitialSmpl:
             unit.model_copy(update={"id": i}) for fit, i in pairs for unit in fit.path_units
         ],
         limb_errors={i: error for fit, i in pairs for error in fit.limb_errors.values()},
-    )
-
-
-def least_cost(starts: Sequence[StartFit], frames: int, stride: int) -> float:
-    """The lowest objective a frame of the first fits of a video of so many frames."""
-    return min(start.cost for start in starts) / len(range(0, frames, stride))
-
-
-def refits_of_swapped(
-    singles: Sequence[SingleVideo],
-    result: InitialSmpl,
-    prior: PosePrior,
-    libraries: PoseLibraries,
-    fit: FitParams,
-    options: InitialSmplParams,
-) -> list[AlternativeMotion]:
-    """The alternative of each video whose sides the other videos' motions swap for a while.
-
-    Args:
-        result: the fits of all videos; those that begin at an estimate have no alternatives.
-    """
-    videos = [single.keypoints.videos[0] for single in singles]
-    unfit = unfit_videos(result)
-    taken = [v for v in range(len(videos)) if v not in unfit]
-    candidates = [candidates_of(result.videos[v], [], videos[v]) for v in taken]
-    states = dict(zip(taken, swapped_by_others(candidates, SMPL_JOINTS), strict=True))
-    refits = []
-    for v in taken:
-        motion = result.videos[v]
-        if result.source[motion.id] != KEYPOINTS_ALONE or not states[v].any():
-            continue
-        starts = [start for start in result.starts if start.video == motion.id]
-        least = least_cost(starts, singles[v].frames, singles[v].stride(options))
-        fits = fits_with_sides(singles[v], states[v], prior, libraries, fit, options)
-        refits += [
-            AlternativeMotion(
-                name=SWAPPED_PREFIX if refit.name == FIRST else f"{SWAPPED_PREFIX}, {refit.name}",
-                excess_cost=refit.excess_cost - least,
-                motion=refit.motion.model_copy(update={"id": motion.id}),
-                swapped=states[v],
-            )
-            for refit in fits
-        ]
-    return refits
-
-
-def fits_with_sides(
-    single: SingleVideo,
-    states: Int[np.ndarray, " T"],
-    prior: PosePrior,
-    libraries: PoseLibraries,
-    fit: FitParams,
-    options: InitialSmplParams,
-) -> list[AlternativeMotion]:
-    """The distinct fits of one video whose detections have swapped sides, with their own costs.
-
-    Args:
-        states: as of `swapped_by_others`.
-    """
-    problem = SingleProblem.of(swapped_video(single, states), libraries, fit, options)
-    body, stride = problem.body, single.stride(options)
-    observed = replace(problem, single=single).observed()
-    observation = with_sides(observed[0], states, body.keypoints.names, stride)
-    fits = from_starts(
-        body, prior, problem.library, observation, problem.starts(observation), stride,
-        problem.weights, count=options.hypotheses,
-    )  # fmt: skip
-    return alternatives_of(body, [fits], observed, single.keypoints)
-
-
-def swapped_video(single: SingleVideo, states: Int[np.ndarray, " T"]) -> SingleVideo:
-    """The video as it is when the detector's sides are swapped back; states as above."""
-    (video,), (camera,) = single.keypoints.videos, single.cameras.videos
-    names = layout_names(video.layout)
-    confidence, xy_px = (
-        with_swapped_sides(x, states, names) for x in (video.confidence, camera.xy_first_px)
-    )
-    return replace(
-        single,
-        keypoints=Keypoints(videos=[video.model_copy(update={"confidence": confidence})]),
-        cameras=CameraMotion(videos=[camera.model_copy(update={"xy_first_px": xy_px})]),
-    )
-
-
-def with_sides(
-    observation: Observation, states: Int[np.ndarray, " T"], names: Sequence[str], reach: int
-) -> Observation:
-    """The observation with its sides swapped, without the frames within `reach` of where that
-    begins or ends: the estimate is no finer.
-
-    Args:
-        states: as of `swapped_by_others`; names: of the keypoints.
-    """
-    changes = np.flatnonzero(np.diff(states))
-    near = np.abs(np.arange(len(states))[:, None] - changes - 0.5).min(axis=1, initial=np.inf)
-    confidence = with_swapped_sides(observation.confidence, states, names)
-    return replace(
-        observation,
-        xy_px=with_swapped_sides(observation.xy_px, states, names),
-        confidence=np.where(near[:, None] < reach, 0.0, confidence),
     )

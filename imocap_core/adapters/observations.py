@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.artifacts.schemas import (
@@ -21,7 +20,6 @@ from imocap_core.artifacts.schemas import (
     PathUnit,
     SmplBa,
     StartFit,
-    SwappedSides,
     VideoCameraMotion,
     VideoMotion,
 )
@@ -35,7 +33,6 @@ from imocap_core.motion.state import Body, MotionState
 from imocap_core.motion.terms.view import project
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp, log, unwrap
-from imocap_core.sequences import runs
 
 UNKNOWN_PATH_M = 0.3  # of the performer's place, where a camera moves along an unknown path
 
@@ -168,15 +165,6 @@ def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 
     return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in JOINT_READERS}
 
 
-# what the states of `sync.hypotheses.swapped_by_others` swap
-PARTS: dict[int, Literal["above the hips", "legs", "body"]] = {
-    1: "above the hips",
-    2: "legs",
-    3: "body",
-}
-STATES = {part: state for state, part in PARTS.items()}
-
-
 def state_of(videos: Sequence[VideoMotion], template: Tensor) -> MotionState:
     """Stored motions as one padded batch; template: gives dtype and device."""
     theta = padded([v.theta.reshape(-1, 24, 3) for v in videos], template)
@@ -265,26 +253,8 @@ def smpl_ba_of(
         objective=motion.costs,
         misfit=motion.misfit,
         status=motion.status,
-        swapped=_swapped_sides(motion, keypoints),
         common=_stored_common(motion, ids),
     )
-
-
-def _swapped_sides(motion: scene.JointMotion, keypoints: Keypoints) -> list[SwappedSides]:
-    """The stretches of every video whose sides the solve swapped."""
-    if not motion.swapped:
-        return []
-    return [
-        SwappedSides(
-            id=video.id,
-            first_frame=int(video.frames[first]),
-            last_frame=int(video.frames[last]),
-            part=part,
-        )
-        for video, states in zip(keypoints.videos, motion.swapped, strict=True)
-        for state, part in PARTS.items()
-        for first, last in runs(states == state)
-    ]
 
 
 def joint_motion_of(
@@ -309,17 +279,7 @@ def joint_motion_of(
         result.objective,
         result.status,
         result.misfit,
-        tuple(_states_of(motion, result) for motion in motions),
     )
-
-
-def _states_of(motion: VideoMotion, result: SmplBa) -> Int[np.ndarray, " T"]:
-    """Which sides of a video's detections the solve swapped."""
-    states = np.zeros(len(motion.frames), dtype=int)
-    for stretch in result.swapped:
-        if stretch.id == motion.id:
-            states[stretch.covers(motion.frames)] = STATES[stretch.part]
-    return states
 
 
 def _stored_common(motion: scene.JointMotion, ids: list[str]) -> CommonMotion | None:

@@ -79,8 +79,7 @@ def contradicted_videos(
 ) -> list[ContradictedVideo]:
     """Those of some videos (ids) with frames that are to be looked at again.
 
-    A video that is taken for its mirror image, and frames whose sides the joint motion swapped, are
-    left as they are.
+    A video that is taken for its mirror image is left as it is.
     """
     scene, participants = problem.scene_of(motion), problem.participants
     columns = columns_of(scene.body, participants.keypoints)
@@ -96,8 +95,7 @@ def contradicted_videos(
         if video.id not in videos or video.id in participants.mirrored:
             continue
         used, here = columns[video.layout]
-        as_detected = o.swapped_states == 0
-        has_prediction = as_detected & np.isfinite(others.xy_px[:, here]).all(axis=(1, 2))
+        has_prediction = np.isfinite(others.xy_px[:, here]).all(axis=(1, 2))
         wrong = np.zeros(video.confidence.shape, dtype=bool)
         wrong[:, used] = contradicted(o, others, scene.body.keypoints.names)[:, here]
         lost = has_prediction & ~(video.confidence > 0).any(axis=1)

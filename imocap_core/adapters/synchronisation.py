@@ -244,7 +244,6 @@ def synchronise_monocular(
     """
     chosen = hypotheses.choose_alternatives(initial, keypoints, mirrored)
     joints = [motion.joints for motion in hypotheses.chosen_motions(initial, chosen.names)]
-    keypoints = hypotheses.explained_keypoints(initial, keypoints, chosen.names)
     unfit = hypotheses.unfit_videos(initial)
     evidence = evidence_of(joints, keypoints, hints, cameras, unfit)
     evidence = replace(evidence, mirrored=mirrored)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import torch
@@ -120,12 +121,14 @@ OTHER_OBSERVATIONS = 3.0  # of what carries a body otherwise, which is a guess
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
 ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
 BY_WHAT = (0.93, 0.05, 0.01, 0.01)  # shares of videos: feet carry, other parts, hands, a bench
+EQUALLY = (0.25, 0.25, 0.25, 0.25)
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
 RESTING_COST = 4.2  # of balance alone
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
 FIRST_REACH_DEG, LEAST_REACH_DEG, MOST_REACH_DEG = 12.0, 2.0, 30.0
+SEARCHED_DEG = (30.0, 5.0)  # about a level camera's up, then about the best
 APART_DEG, MOST_MODES, HOPELESS = 25.0, 3, 12.0  # of proposals: angle, number, cost above the least
 CHUNK = 100  # directions evaluated together, so that their arrays stay in the processor's cache
 
@@ -186,6 +189,21 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
         return total
 
     return _searched(cost, [b.R_cam_from_world for b in bodies], prior)
+
+
+def gravity_cost(body: FilmedBody, prior: LevelPrior) -> float:
+    """Twice the negative log likelihood of the likeliest up if the body's motion is right: how far
+    that is from what cameras that are held level see of bodies that anything may carry."""
+    stance, R = _Stance.of(body), body.R_cam_from_world
+    if stance is None:
+        return 0.0
+    up, least = (_up_of_angles(np.zeros(1), np.array([prior.pitch_down_deg])) @ R)[0], np.inf
+    carried = partial(stance.if_right, by_what=EQUALLY)
+    for reach_deg in SEARCHED_DEG:
+        near = _grid(up, reach_deg)
+        costs = camera_cost(near, R, prior) + _in_chunks(carried)(near)
+        up, least = near[costs.argmin()], min(least, float(costs.min()))
+    return least
 
 
 Cost = Callable[[Float[np.ndarray, "U 3"]], Float[np.ndarray, " U"]]
@@ -260,13 +278,12 @@ def _in_chunks(cost: Cost) -> Cost:
 
 @dataclass(frozen=True)
 class _Stance:
-    """What one body tells: its support, its camera, how many independent observations it is worth,
-    and its least cost over the pitch of the camera for each roll (of ROLLS_DEG)."""
+    """What one body tells: its support, its camera, how many independent observations it is
+    worth."""
 
     support: Support
     R_cam_from_world: Float[np.ndarray, "3 3"]
     count: float
-    of_roll: Float[np.ndarray, " N"]
 
     @classmethod
     def of(cls, body: FilmedBody) -> _Stance | None:
@@ -275,13 +292,19 @@ class _Stance:
             return None
         count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS) * shown
         support = support_of(body.joints[whole], body.fps, MOMENTS, body.joints_shown[whole])
-        stance = cls(support, body.R_cam_from_world, count, np.zeros(len(ROLLS_DEG)))
-        roll, pitch = np.meshgrid(ROLLS_DEG, PITCHES_DEG, indexing="ij")
-        up = _up_of_angles(roll.ravel(), pitch.ravel()) @ body.R_cam_from_world
-        costs = _in_chunks(stance.if_right)(up)
-        return replace(stance, of_roll=costs.reshape(roll.shape).min(axis=1))
+        return cls(support, body.R_cam_from_world, count)
 
-    def if_right(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+    @cached_property
+    def of_roll(self) -> Float[np.ndarray, " N"]:
+        """The least cost over the pitch of the camera for each roll (of ROLLS_DEG)."""
+        roll, pitch = np.meshgrid(ROLLS_DEG, PITCHES_DEG, indexing="ij")
+        up = _up_of_angles(roll.ravel(), pitch.ravel()) @ self.R_cam_from_world
+        costs = _in_chunks(self.if_right)(up)
+        return np.asarray(costs.reshape(roll.shape).min(axis=1))
+
+    def if_right(
+        self, up: Float[np.ndarray, "U 3"], by_what: Sequence[float] = BY_WHAT
+    ) -> Float[np.ndarray, " U"]:
         """As if the pose were right: the body stands on its feet, upright more often than not; or,
         throughout a video, other parts or furniture carry it, and nothing is known of its trunk."""
         sight, plane = self.R_cam_from_world[2], plane_cost(up, self.support)
@@ -292,7 +315,7 @@ class _Stance:
         bench = rests + plane - RESTING_COST
         count = min(self.count, OTHER_OBSERVATIONS)
         costs = np.stack([self.count * feet, count * others, count * hands, count * bench])
-        return _mixed(costs, BY_WHAT)
+        return _mixed(costs, by_what)
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """The same when the whole motion may lean in depth, which a view shows least: then it tells

@@ -27,7 +27,6 @@ from imocap_core.diagnostics.detection_findings import (
     detection_findings,
     hidden_findings,
     left_out_findings,
-    swapped_findings,
     view_findings,
 )
 from imocap_core.diagnostics.findings import DOUBTFUL_S, Finding, Verdict, listed
@@ -171,7 +170,6 @@ def verdict_of(
         *leap_findings(motion.videos),
         *damage_findings(keypoints),
         *detection_findings(keypoints.videos),
-        *swapped_findings(motion),
         *contradicted_findings(motion, videos, cameras),
         *feet_findings(motion.videos, videos, cameras),
         *camera_findings(cameras),

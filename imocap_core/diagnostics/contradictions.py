@@ -106,7 +106,7 @@ def contradicted_findings(
     motion: SmplBa, videos: Mapping[str, VideoKeypoints], cameras: Sequence[VideoCameraMotion]
 ) -> list[Finding]:
     """The stretches in which the motion does not follow the detector: the other videos, or what a
-    body can do, overruled it. Where sides were put right nothing is said."""
+    body can do, overruled it."""
     filmed = {camera.id: camera for camera in cameras if not len(camera.path)}
     K = {camera.id: camera.K for camera in motion.cameras}
     findings = []
@@ -114,8 +114,6 @@ def contradicted_findings(
         video, xy = videos[body.id], filmed[body.id].xy_first_px
         pixels = body.joints @ K[body.id].T
         away = _distances(pixels[..., :2] / pixels[..., 2:], video, xy)
-        for stretch in (stretch for stretch in motion.swapped if stretch.id == body.id):
-            away[stretch.covers(video.frames)] = 0.0
         findings += [
             Finding(
                 "detection",

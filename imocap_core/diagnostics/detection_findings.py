@@ -147,25 +147,6 @@ def damage_findings(keypoints: Keypoints) -> list[Finding]:
     ]
 
 
-WHERE = {"above the hips": "above the hips", "legs": "of the legs", "body": "of the whole body"}
-
-
-def swapped_findings(motion: SmplBa) -> list[Finding]:
-    """A remark on each stretch: the result allows for it."""
-    return [
-        Finding(
-            "remark",
-            stretch.id,
-            f"the detector swapped left and right {WHERE[stretch.part]}, as the other videos show; "
-            "the motion was fitted with both put right",
-            "left and right were put right",
-            first_frame=stretch.first_frame,
-            last_frame=stretch.last_frame,
-        )
-        for stretch in motion.swapped
-    ]
-
-
 # Performances of one action differ by some 50 mm; for two cameras whose lines of sight differ by
 # this angle, that is 150 mm along them
 ONE_LINE_DEG, _ACROSS_DEG = 20.0, 45.0  # from the latter on they look across each other

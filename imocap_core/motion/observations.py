@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.camera.projection import project_camera
@@ -35,8 +35,6 @@ class Observation:
             uncertain or unknown path, or None.
         up: (3,) against gravity as this video alone tells it, in its first frame's axes, and its
             standard deviation about each horizontal axis, degrees; or None.
-        swapped: (T,) which sides of the detections are swapped in these keypoints (states of
-            `sync.hypotheses.swapped_by_others`), or None: none.
     """
 
     xy_px: Float[np.ndarray, "T K 2"]
@@ -50,14 +48,6 @@ class Observation:
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
     up: tuple[Float[np.ndarray, "3"], float] | None = None
-    swapped: Int[np.ndarray, " T"] | None = None
-
-    @property
-    def swapped_states(self) -> Int[np.ndarray, " T"]:
-        """`swapped`, 0 in every frame where it is not given."""
-        if self.swapped is None:
-            return np.zeros(len(self.xy_px), dtype=int)
-        return self.swapped
 
     @cached_property
     def size_px(self) -> Float[np.ndarray, " T"]:
@@ -81,7 +71,6 @@ def every(observation: Observation, stride: int) -> Observation:
         joints=None if joints is None else joints[::stride],
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
-        swapped=None if observation.swapped is None else observation.swapped[::stride],
     )
 
 

@@ -17,6 +17,7 @@ from imocap_core.sync.comparable_poses import (
     body_scales,
     joint_weights_of,
     of_one_amplitude,
+    of_one_mean,
     pose_change,
     squared_differences,
     stack,
@@ -126,7 +127,7 @@ def distance_matrix(
     scales = body_scales(poses)
     least = params.least_difference_m**2
     scaled, blocks = stack(poses, scales)
-    per_video = [scaled[blocks.rows(v)] for v in range(len(poses))]
+    per_video = of_one_mean([scaled[blocks.rows(v)] for v in range(len(poses))], weights)
     vertical = [np.full(len(x), np.nan) for x in poses]
     compared = ComparedPoints(per_video, weights, vertical)
     every = {pair: 1 if whole else _stride(*pair, blocks) for pair in blocks.pairs()}

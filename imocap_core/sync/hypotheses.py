@@ -10,11 +10,6 @@ The choice: the labelling of least energy, exactly, by branch and bound. The ene
 residual of every video with the others, what each chosen motion explains its own video worse, and a
 fixed cost of leaving the motion that does so best: the first motions stay unless others agree
 clearly better.
-
-Swapped sides: one view cannot tell sides that the detector swapped for a while from a performer who
-faces the other way. Held against another video's motion, each frame's keypoints are as detected, or
-swapped above the hips, in the legs, or in both, whichever that explains best (Viterbi). Sides that
-seem swapped for most of a video are left: that is what a mirrored one looks like.
 """
 
 from __future__ import annotations
@@ -24,11 +19,9 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from imocap_core.conventions import mirror_indices
-from imocap_core.sequences import viterbi
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
     camera_directions,
@@ -247,13 +240,11 @@ class CandidateMotions:
     Attributes:
         hypotheses: the likeliest first.
         excess: objective a frame of each, above the first's.
-        suggested: whether the other videos suggested it (`swapped`): taking it costs nothing.
     """
 
     hypotheses: Sequence[Hypothesis3D]
     excess: Float[np.ndarray, " K"]
     fps: float
-    suggested: Bool[np.ndarray, " K"] | None = None
 
 
 @dataclass(frozen=True)
@@ -310,92 +301,7 @@ def _every(hypotheses: Sequence[Hypothesis3D], n: int) -> list[Hypothesis3D]:
 def _unary(video: CandidateMotions) -> Float[np.ndarray, " K"]:
     """Cost of each motion by itself."""
     worse = np.clip(PER_COST * video.excess, -LARGEST_EXCESS, LARGEST_EXCESS)
-    suggested = np.zeros(len(worse), dtype=bool) if video.suggested is None else video.suggested
-    return np.where(np.arange(len(worse)) > 0, worse + CHANGE * ~suggested, 0.0)
-
-
-STATES = 4
-LEGS = ("hip", "knee", "ankle", "foot", "toe", "heel")  # parts of their keypoints' names
-SWAPPED, CHANGE_OF_SIDES = 0.1, 0.5  # of a frame, of a change of state, in shares of the spread
-LEAST_GAIN = 0.05  # mean of all frames, from which the sides are taken to be swapped
-LARGEST_SHARE = 0.5  # of a video's frames
-CLOSEST = 2  # other videos that are asked: those whose motions explain the keypoints best
-
-
-def swapped_by_others(
-    videos: Sequence[CandidateMotions], names: Sequence[str]
-) -> list[Int[np.ndarray, " _"]]:
-    """Per video, the state of each frame by the other videos' first motions: what is swapped.
-
-    0 nothing, 1 all above the hips, 2 the legs, 3 both. Nothing of fewer than three videos: one
-    other may be the one that is wrong.
-
-    Args:
-        names: of the joints.
-    """
-    steps = strides(videos)
-    thin = [v.hypotheses[0].every(n) for v, n in zip(videos, steps, strict=True)]
-    out = []
-    for v, (film, n) in enumerate(zip(thin, steps, strict=True)):
-        others = [x.motion for u, x in enumerate(thin) if u != v]
-        states = np.zeros(len(film.motion), dtype=int)
-        if len(others) >= CLOSEST:
-            states = _swapped(film.keypoints, others, names)
-        out.append(np.repeat(states, n)[: len(videos[v].hypotheses[0].motion)])
-    return out
-
-
-def with_swapped_sides(
-    values: Shaped[np.ndarray, "T K *rest"], states: Int[np.ndarray, " T"], names: Sequence[str]
-) -> Shaped[np.ndarray, "T K *rest"]:
-    """Values of keypoints with left and right swapped as the states of `swapped_by_others`
-    say; names: of the keypoints."""
-    out, twins = values.copy(), np.array(mirror_indices(names))
-    legs = np.array([any(word in name for word in LEGS) for name in names])
-    for bit, columns in ((1, np.flatnonzero(~legs)), (2, np.flatnonzero(legs))):
-        frames = np.flatnonzero(states & bit)
-        out[np.ix_(frames, columns)] = values[np.ix_(frames, twins[columns])]
-    return out
-
-
-def swapped_keypoints(
-    keypoints: Keypoints2D, states: Int[np.ndarray, " T"], names: Sequence[str]
-) -> Keypoints2D:
-    """`with_swapped_sides` of keypoints."""
-    xy_px, weight = (
-        with_swapped_sides(x, states, names) for x in (keypoints.xy_px, keypoints.weight)
-    )
-    return Keypoints2D(xy_px, weight)
-
-
-def _swapped(
-    keypoints: Keypoints2D, others: Sequence[Float[np.ndarray, "_ J 3"]], names: Sequence[str]
-) -> Int[np.ndarray, " T"]:
-    frames = len(keypoints.weight)
-    films = [swapped_keypoints(keypoints, np.full(frames, k), names) for k in range(STATES)]
-    rows = sorted((_residuals(x, films) for x in others), key=lambda row: row[0])
-    residuals = np.mean([row[1] for row in rows[:CLOSEST]], axis=0)
-    costs = residuals + SWAPPED * (np.arange(STATES) > 0)
-    steps = CHANGE_OF_SIDES * (1.0 - np.eye(STATES)) + costs[1:, None]
-    states = viterbi(costs[0], steps)
-    gain = float((residuals[:, 0] - residuals[np.arange(frames), states]).mean())
-    enough = gain >= LEAST_GAIN and (states > 0).mean() <= LARGEST_SHARE
-    return states if enough else np.zeros_like(states)
-
-
-def _residuals(
-    motion: Float[np.ndarray, "N J 3"], films: Sequence[Keypoints2D]
-) -> tuple[float, Float[np.ndarray, "T S"]]:
-    """Cost of the best camera and warp, each frame in its best state, and the residuals of all."""
-    directions = camera_directions(DIRECTIONS)
-    residuals = [pose_residuals(motion, film, directions) for film in films]
-    penalised = [x + SWAPPED * (k > 0) for k, x in enumerate(residuals)]
-    better = np.minimum.reduce(penalised)
-    totals = warp_costs(better)
-    best = int(totals.argmin())
-    path, frames = warp_path(better[best]), np.arange(better.shape[1])
-    of_frames = np.stack([x[best][frames, path] for x in residuals], axis=1)
-    return float(totals[best]), of_frames
+    return np.where(np.arange(len(worse)) > 0, worse + CHANGE, 0.0)
 
 
 MEANINGS = {
@@ -404,7 +310,6 @@ MEANINGS = {
     "facing": "the one that faces the other way",
     "sides": "the one reflected in depth, left and right swapped",
 }
-SWAPPED_PREFIX = "swapped"  # begins the names of motions for which the detector took left for right
 
 
 def sentences(
@@ -433,6 +338,4 @@ def sentences(
 
 
 def _meaning(name: str) -> str:
-    if name.startswith(SWAPPED_PREFIX):
-        return "one with left and right of its detections swapped for a while"
     return MEANINGS.get(name, f"another fit ({name})")

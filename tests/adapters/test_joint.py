@@ -31,7 +31,6 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound
-from imocap_core.motion.multiview.repair import LEGS
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.params import FitParams, MotionParams, Params
@@ -130,20 +129,8 @@ def test_a_stored_result_comes_back_as_it_was_solved(made: Made, straight: SmplB
     np.testing.assert_array_equal(motion.spread.offset_sd, back.spread.offset_sd)
     np.testing.assert_array_equal(motion.spread.keypoints_m, back.spread.keypoints_m)
     assert (back.misfit, back.costs, back.status) == (motion.misfit, motion.costs, motion.status)
-    np.testing.assert_array_equal(back.swapped, motion.swapped)
     for joints, video in zip(of.filmed_joints(motion), stored.videos, strict=True):
         np.testing.assert_allclose(joints, video.joints, atol=1e-12)
-
-
-def test_the_sides_that_a_solve_put_right_are_stored_and_kept(plain):
-    of, motion = plain
-    swapped = [np.zeros(len(o.xy_px), int) for o in of.scene.observations]
-    swapped[1][3:7] = LEGS
-    motion = replace(motion, swapped=tuple(swapped))
-    back = of.solution(of.result(motion))
-    np.testing.assert_array_equal(back.swapped, swapped)
-    for states, after in zip(swapped, of.scene_of(back).observations, strict=True):
-        np.testing.assert_array_equal(after.swapped_states, states)
 
 
 def test_the_common_motion_is_stored_with_its_spread(made: Made, straight: SmplBa) -> None:

@@ -17,11 +17,10 @@ from imocap_core.adapters.monocular import (
     SingleVideo,
     fit_single_video,
     joined,
-    least_cost,
     lifted_joints,
+    likeliest_first,
     pose_libraries,
     starts,
-    with_sides,
 )
 from imocap_core.adapters.observations import fit_of, fit_of_single_views, noise_share_of
 from imocap_core.artifacts import codec
@@ -35,7 +34,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layout_names, layouts
-from imocap_core.conventions import EVAL_12, SMPL_JOINTS, mirror_indices
+from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.io.readers.keypoint_readers import FORMATS
 from imocap_core.io.readers.smpl_estimators import JOINT_READERS, ROTATIONS
 from imocap_core.metrics.position import pa_mpjpe_mm, root_relative
@@ -97,10 +96,20 @@ def test_a_short_video_is_fitted_with_its_alternatives_or_alone(made: Made) -> N
     np.testing.assert_array_equal(alone.videos[0].theta, beside.videos[0].theta)
     assert beside.source == {ANY: "monocular"}
     assert len(beside.grounds) == 1
-    stride = single.stride(options)
-    assert stride == 3
-    costs = [start.cost for start in beside.starts]
-    assert least_cost(beside.starts, single.frames, stride) == min(costs) / 3
+    assert single.stride(options) == 3
+
+
+def test_the_likeliest_motion_is_first_and_what_it_replaces_takes_its_name(made: Made) -> None:
+    first, falling, upright = made.bent[0], made.bent[1], made.initial.videos[0]
+    others = [
+        AlternativeMotion(name="depth", excess_cost=4.0, motion=falling),
+        AlternativeMotion(name="sides", excess_cost=-1.5, motion=upright),
+    ]
+    assert likeliest_first(first, others[:1]) == (first, others[:1])
+    likeliest, rest = likeliest_first(first, others)
+    assert likeliest is upright
+    assert [(a.name, a.excess_cost) for a in rest] == [("depth", 5.5), ("sides", 1.5)]
+    assert rest[1].motion is first
 
 
 def test_an_actions_result_has_every_fit_under_its_name(made: Made) -> None:
@@ -196,42 +205,7 @@ def test_the_answer_looks_like_the_truth() -> None:
         assert np.median(np.linalg.norm(x[known] - scale * y[known], axis=-1)) < 0.15
 
 
-SWAPPED_FRAMES, FIRST, END, REACH = 20, 8, 15, 2
 NAMES = layout_names("coco17")
-
-
-def observation() -> Observation:
-    rng = np.random.default_rng(4)
-    return Observation(
-        xy_px=rng.normal(200.0, 50.0, (SWAPPED_FRAMES, len(NAMES), 2)),
-        confidence=rng.uniform(0.3, 1.0, (SWAPPED_FRAMES, len(NAMES))),
-        K=np.diag([500.0, 500.0, 1.0]),
-        fps=30.0,
-        noise_share=0.01,
-    )
-
-
-def test_the_stretch_is_swapped_and_its_ends_count_nothing() -> None:
-    given, states = observation(), np.zeros(SWAPPED_FRAMES, dtype=int)
-    states[FIRST:END] = 3  # above the hips and the legs
-    swapped = with_sides(given, states, NAMES, REACH)
-    twins = list(mirror_indices(NAMES))
-    inside = np.arange(FIRST, END)
-    np.testing.assert_array_equal(swapped.xy_px[inside], given.xy_px[inside][:, twins])
-    np.testing.assert_array_equal(
-        np.delete(swapped.xy_px, inside, 0), np.delete(given.xy_px, inside, 0)
-    )
-    near = [*range(FIRST - REACH, FIRST + REACH), *range(END - REACH, END + REACH)]
-    assert (swapped.confidence[near] == 0).all()
-    middle = slice(FIRST + REACH, END - REACH)
-    np.testing.assert_array_equal(swapped.confidence[middle], given.confidence[middle][:, twins])
-
-
-def test_nothing_swapped_changes_nothing() -> None:
-    given = observation()
-    same = with_sides(given, np.zeros(SWAPPED_FRAMES, dtype=int), NAMES, REACH)
-    np.testing.assert_array_equal(same.xy_px, given.xy_px)
-    np.testing.assert_array_equal(same.confidence, given.confidence)
 
 
 def keypoints_of(*layouts: str) -> Keypoints:

@@ -18,7 +18,7 @@ from imocap_core.body import (
     make_points,
 )
 from imocap_core.body import model as convert
-from imocap_core.body.layouts import body_layout
+from imocap_core.body.layouts import body_layout, point_shares
 from imocap_core.rotations import exp, right_jacobian
 
 PARENTS = (-1, 0, 1, 2, 1, 0, 5)
@@ -381,3 +381,16 @@ def test_blazepose_marks_shoulders_nearer_to_the_neck_and_feet_higher(body: Mode
         assert all(moved[f"{side}_{part}"][1] > 0.005 for part in ("ankle", "heel", "foot_index"))
     same = ("nose", "left_ear", "left_wrist", "right_index")
     assert all(np.array_equal(marked[name], joints[name]) for name in same)
+
+
+def test_every_twin_has_its_twin_in_its_own_layout() -> None:
+    names = ("nose", "left_knee", "right_knee", "nose", "right_knee", "left_knee")
+    assert conventions.mirror_indices(names) == (0, 2, 1, 3, 5, 4)
+
+
+def test_many_points_on_a_head_say_no_more_than_one() -> None:
+    names = ("nose", "left_eye", "left_ear", "left_knee", "left_foot_index", "left_wrist")
+    assert point_shares(names).tolist() == [1 / 3, 1 / 3, 1 / 3, 1, 1, 1]
+    hands = ("left_thumb", "left_index", "right_thumb", "right_index", "left_hip")
+    assert point_shares(hands).tolist() == [0.5] * 4 + [1]
+    assert point_shares(("nose", "left_thumb", "left_hip")).tolist() == [1] * 3

@@ -19,6 +19,7 @@ from imocap_core.camera.gravity import (
     align_motion_to_ground,
     estimate_ground,
     estimate_up,
+    gravity_cost,
     to_world,
 )
 from imocap_core.camera.ground_plane import Ground
@@ -364,3 +365,16 @@ def test_a_camera_that_looks_straight_down_or_up_has_its_picture_upright() -> No
 def test_another_axis_is_refused() -> None:
     with pytest.raises(ValueError, match="expected y or z, got 'x'"):
         gravity.upright_alignment(any_ground(0), np.eye(3), "x")
+
+
+def test_gravity_allows_who_stands_or_lies_and_not_who_leans_as_a_whole() -> None:
+    def cost(joints: NDArray[np.float64], lean_deg: float = 0.0) -> float:
+        lean = Rotation.from_euler("x", lean_deg, degrees=True)
+        return gravity_cost(FilmedBody(turned(joints, lean), FPS, LEVEL_CAMERA), PRIOR)
+
+    for joints in (standing(), walking()):
+        assert cost(joints) + 2.0 < min(cost(joints, -35.0), cost(joints, 35.0))
+    lying = posed(POSTURES["push-up"], frames=75)
+    assert cost(lying) + 2.0 < cost(lying, 35.0)
+    nobody = np.full((10, 24, 3), np.nan)
+    assert gravity_cost(FilmedBody(nobody, FPS, LEVEL_CAMERA), PRIOR) == 0.0

@@ -15,7 +15,6 @@ from imocap_core.artifacts.schemas import (
     LeftOutVideo,
     PredictedVideo,
     RefineSync,
-    SwappedSides,
     SyncTrust,
     Uncertainty,
     VideoKeypoints,
@@ -261,20 +260,6 @@ def made_gap(frames: int, first: int, end: int) -> np.ndarray:
     return np.where(inside, 0.0, 1.0)[:, None]
 
 
-def test_sides_that_were_put_right_are_told_and_no_doubt(made: Made) -> None:
-    stretch = SwappedSides(id="v2", first_frame=12, last_frame=30, part="legs")
-    result = with_sync(made)
-    motion = result.motion.model_copy(update={"swapped": [stretch]})
-    result = result.model_copy(update={"motion": motion})
-    plain, told = judged(made), verdict_of(made.keypoints, made.camera_motion, result, made.claimed)
-    assert told.summary == plain.summary
-    (finding,) = [f for f in told.findings if f not in plain.findings]
-    assert finding.sentence == (
-        "v2 frames 12-30: the detector swapped left and right of the legs, as the other videos "
-        "show; the motion was fitted with both put right."
-    )
-
-
 def test_a_body_beside_its_detections_is_named_with_its_frames(made: Made) -> None:
     off = np.where((np.arange(16) >= 3) & (np.arange(16) < 14), 30.0, 1.0)
     refined = with_motion(made, 1, reprojection_px=off)
@@ -446,7 +431,7 @@ def test_the_sentence_on_one_event_says_what_is_claimed() -> None:
     assert "3 videos look like one event (if not, event: false" in event_sentence(undeclared, 30.0)
 
 
-@pytest.mark.parametrize("part", ["leg", "foot only", "unseen", "put right"])
+@pytest.mark.parametrize("part", ["leg", "foot only", "unseen"])
 def test_a_limb_detected_elsewhere_for_a_while_is_named(made: Made, part: str) -> None:
     v, frames = 1, slice(3, 9)
     video, camera = made.keypoints.videos[v], made.camera_motion.videos[v]
@@ -463,11 +448,8 @@ def test_a_limb_detected_elsewhere_for_a_while_is_named(made: Made, part: str) -
         xy[frames, names.index(name)] += np.ptp(pixels[:, :, 1])
         confidence[frames, names.index(name)] = 0.3 if part == "unseen" else 0.9
     number = video.frames
-    stretch = SwappedSides(
-        id=video.id, first_frame=int(number[3]), last_frame=int(number[8]), part="legs"
-    )
     findings = contradictions.contradicted_findings(
-        motion.model_copy(update={"swapped": [stretch] if part == "put right" else []}),
+        motion,
         {
             w.id: w.model_copy(update={"confidence": confidence}) if w.id == video.id else w
             for w in made.keypoints.videos

@@ -31,13 +31,11 @@ from tests.motion.test_smpl_ba import disturbed, in_own_axes, whole
 VIDEO = 1
 
 
-def solution(made: Made, plain: Scene) -> JointMotion:
+def solution(made: Made) -> JointMotion:
     """The truth, as the solver would return it."""
     shape = (len(TURNS_DEG), FRAMES, len(made.body.keypoints.names))
     spread = DeviationSpread(np.full(shape, 0.01), np.full((len(TURNS_DEG), 6), 0.01))
-    return JointMotion(
-        in_own_axes(made), made.cameras(), made.state, spread, [], "made", 0.0, plain.swapped
-    )
+    return JointMotion(in_own_axes(made), made.cameras(), made.state, spread, [], "made", 0.0)
 
 
 def with_other_arm(plain: Scene, made: Made, video: int) -> Scene:
@@ -53,7 +51,7 @@ def with_other_arm(plain: Scene, made: Made, video: int) -> Scene:
 
 def test_one_motion_is_predicted_by_the_other_views(made: Made) -> None:
     plain = whole(made)
-    for prediction in predicted_by_others(plain, solution(made, plain), MotionParams()):
+    for prediction in predicted_by_others(plain, solution(made), MotionParams()):
         assert 0.001 < prediction.median < 0.02  # noise of one pixel, a person of some 250
         assert prediction.near_share > 0.98
         assert prediction.frames == FRAMES // 2
@@ -62,7 +60,7 @@ def test_one_motion_is_predicted_by_the_other_views(made: Made) -> None:
 def test_what_a_video_shows_alone_is_not_predicted(made: Made) -> None:
     plain = with_other_arm(whole(made), made, VIDEO)
     wrist = made.body.keypoints.names.index("left_wrist")
-    of_all = solution(made, plain)
+    of_all = solution(made)
     others = motion_of_others(
         plain, made.state, made.cameras(), of_all.spread, VIDEO, MotionParams()
     )

@@ -12,6 +12,7 @@ from imocap_core.sync.affinity import distance_matrix
 from imocap_core.sync.comparable_poses import (
     mean_of_known,
     of_one_amplitude,
+    of_one_mean,
     picture_heights,
     pose_change,
     spread_over,
@@ -20,6 +21,7 @@ from imocap_core.sync.comparable_poses import (
 )
 from imocap_core.sync.evidence import SyncEvidence
 from imocap_core.sync.freeze_frames import distinct_frames, frozen_runs, hints_of_pictures
+from imocap_core.sync.procrustes import procrustes_distances
 from imocap_core.sync.synchronise import synchronise
 from imocap_core.sync.warp.soft_maps import evidence_of_match
 from tests.sync.test_synchronise import FPS, LONG, PARAMS, error_s, estimated, pose_at, run
@@ -282,3 +284,26 @@ def test_hints_are_those_of_the_pictures() -> None:
     moved = hints_of_pictures(hints, pictures)
     assert [(a.frame_a, a.frame_b) for a in moved.anchors] == [(3, 2.5), (5, 6.0)]
     assert moved.forbidden == ((0, 3, 6), (1, 2, 4))
+
+
+def test_what_stays_of_a_video_is_taken_off_and_what_shows_a_part_is_kept() -> None:
+    rng = np.random.default_rng(4)
+    poses = pose_at(np.linspace(0, 6, 90))
+    poses -= poses.mean(axis=1, keepdims=True)
+    weights = [np.ones(poses.shape[:2])] * 3
+    bent = poses + 3.0 * poses.std(axis=0).mean() * rng.normal(size=poses.shape[1:])
+    turn = Rotation.from_rotvec([0.0, 1.0, 0.2]).as_matrix()
+
+    alike = of_one_mean([poses, poses @ turn, poses], weights)
+    np.testing.assert_array_equal(alike, [poses, poses @ turn, poses])
+
+    corrected = of_one_mean([poses, bent @ turn, poses], weights)
+    apart, left = (
+        procrustes_distances(x[0], x[1], *weights[:2]).diagonal().mean()
+        for x in ([poses, bent @ turn], corrected)
+    )
+    assert 0.3 * apart < left < 0.65 * apart
+
+    part = poses[:12]
+    kept = of_one_mean([poses, part, poses], [weights[0], weights[0][:12], weights[0]])
+    assert np.abs(kept[1] - part).mean() < 0.2 * np.abs(kept[1] - poses.mean(axis=0)).mean()

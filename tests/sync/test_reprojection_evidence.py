@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.sync.axes import increasing
 from imocap_core.sync.hypotheses import (
@@ -20,9 +19,6 @@ from imocap_core.sync.hypotheses import (
     energy_of,
     pair_costs,
     sentences,
-    swapped_by_others,
-    swapped_keypoints,
-    with_swapped_sides,
 )
 from imocap_core.sync.maps import BandedMap, blocks_of_frames
 from imocap_core.sync.warp import template as offset_squares
@@ -301,58 +297,3 @@ def test_a_change_and_a_tie_are_said() -> None:
     assert "depth reversed" in changed
     assert tie.startswith("right")
     assert "do not decide" in tie
-    alike = [["best", "swapped", "swapped, depth"], ["best"]]
-    assert len(sentences(JointChoice((1, 0), [(2,), ()]), ["left", "right"], alike)) == 1
-
-
-def test_a_motion_that_the_other_videos_suggested_costs_nothing_to_take() -> None:
-    films = candidates((), 0.0)
-    same = replace(films[1], hypotheses=[films[1].hypotheses[0]] * 2)
-    assert choose_jointly([films[0], same, *films[2:]]).labels[1] == 0
-    better = replace(same, excess=np.array([0.0, -9.0]), suggested=np.array([False, True]))
-    assert choose_jointly([films[0], better, *films[2:]]).labels[1] == 1
-
-
-FRAMES = 45
-PERFORMANCE = wandering(5, 24, FRAMES)
-
-
-def videos(states: np.ndarray, count: int = 4) -> list[CandidateMotions]:
-    """Views of one performance; in the second the detector swaps sides."""
-    out = []
-    for v, azimuth in enumerate((0.0, 0.9, 2.0, 4.2)[:count]):
-        motion = view_of(PERFORMANCE, azimuth)
-        film = filmed(motion)
-        if v == 1:
-            film = swapped_keypoints(film, states, SMPL_JOINTS)
-        out.append(CandidateMotions([Hypothesis3D(motion, film)], np.zeros(1), 15.0))
-    return out
-
-
-@pytest.mark.parametrize("state", [1, 2, 3])
-def test_an_swap_is_told_where_it_is_and_what_it_is(state: int) -> None:
-    true = np.zeros(FRAMES, dtype=int)
-    true[12:30] = state
-    estimates = swapped_by_others(videos(true), SMPL_JOINTS)
-    assert (estimates[1] == true).mean() > 0.9
-    assert not any(estimates[v].any() for v in (0, 2, 3))
-
-
-def test_nothing_is_swapped_undisturbed_throughout_or_by_one_other() -> None:
-    none, every = np.zeros(FRAMES, dtype=int), np.full(FRAMES, 3)
-    some = np.where(np.arange(FRAMES) < 15, 3, 0)
-    for films in (videos(none), videos(every), videos(some, count=2)):
-        assert not any(states.any() for states in swapped_by_others(films, SMPL_JOINTS))
-
-
-def test_swapping_twice_changes_nothing_and_parts_make_the_whole() -> None:
-    values = np.random.default_rng(0).normal(size=(FRAMES, 24, 2))
-    states = np.arange(FRAMES) % 4
-    once = with_swapped_sides(values, states, SMPL_JOINTS)
-    np.testing.assert_array_equal(with_swapped_sides(once, states, SMPL_JOINTS), values)
-    upper, legs, both = (
-        lambda x, k=k: with_swapped_sides(x, np.full(FRAMES, k), SMPL_JOINTS) for k in (1, 2, 3)
-    )
-    np.testing.assert_array_equal(legs(upper(values)), both(values))
-    left = SMPL_JOINTS.index("left_knee")
-    np.testing.assert_array_equal(upper(values)[:, left], values[:, left])

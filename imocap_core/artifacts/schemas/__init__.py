@@ -14,7 +14,6 @@ from imocap_core.artifacts.schemas.motion_schemas import (
     PredictedVideo,
     SmplBa,
     StartFit,
-    SwappedSides,
     Table,
     Uncertainty,
     VideoHands,

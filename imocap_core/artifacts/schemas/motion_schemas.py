@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from jaxtyping import Bool, Int
 from pydantic import Field, model_validator
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
@@ -50,9 +49,6 @@ class AlternativeMotion(Value):
     name: str  # of the start that led to it
     excess_cost: float  # objective a frame, above that of the motion of lowest cost
     motion: VideoMotion
-    # of each used frame, what the detections have left for right by this motion: 0 nothing, 1 all
-    # above the hips, 2 the legs, 3 both; empty when nothing is swapped
-    swapped: Annotated[Ints, Shape("E")] = Field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
 class GroundPlane(Value):
@@ -109,19 +105,6 @@ class CommonMotion(Value):
     other_betas: Annotated[Floats, Shape("P", 10)] | None = None  # of the other performers
 
 
-class SwappedSides(Value):
-    """A stretch of a video in which the detector swapped left and right, as the others show."""
-
-    id: Id
-    first_frame: int  # source frame numbers, both within
-    last_frame: int
-    part: Literal["above the hips", "legs", "body"]
-
-    def covers(self, frames: Int[np.ndarray, " T"]) -> Bool[np.ndarray, " T"]:
-        """Which source frames of the video belong to the stretch."""
-        return (frames >= self.first_frame) & (frames <= self.last_frame)
-
-
 class SmplBa(Artifact):
     """Motion and cameras solved over all videos (Eq. 8)."""
 
@@ -135,7 +118,6 @@ class SmplBa(Artifact):
     objective: list[float]  # after each iteration
     misfit: float  # mean robust reprojection cost a keypoint of one motion for all views
     status: str
-    swapped: list[SwappedSides] = Field(default_factory=list)  # the solve put them right
     common: CommonMotion | None = None  # None for a single video, and in refine_sync's rounds
     ground: GroundPlane | None = None  # in the world's axes; None in refine_sync's rounds
 

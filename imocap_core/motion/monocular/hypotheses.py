@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.monocular.fit import COARSE, CoarseFits, all_frames, narrowed, stacked
+from imocap_core.motion.monocular.fit import CoarseFits, all_frames, narrowed, stacked
 from imocap_core.motion.monocular.starts import (
     Library,
     Start,
@@ -85,38 +85,6 @@ def alternatives(
         distinct = _distinct(body, [best[v], *sorted(rest, key=lambda h: h.cost)])[1 : count + 1]
         out[v] = [_dense(h, best[v], observations[v], coarse.stride) for h in distinct]
     return out
-
-
-def from_starts(
-    body: Body,
-    prior: PosePrior,
-    library: Library,
-    observation: Observation,
-    starts: Sequence[Start],
-    stride: int,
-    weights: FitParams,
-    *,
-    count: int,
-) -> list[MotionHypothesis]:
-    """The fit of one video of lowest cost from several starts, then its alternatives, all with
-    their own costs.
-
-    Args:
-        count: of all of them at most.
-    """
-    thin = every(observation, stride)
-    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in starts]
-    views = [thin] * len(flat)
-    state = stacked(flat, validity(views, flat[0].trans))
-    fits = CoarseFits(
-        *narrowed(body, prior, views, state, weights, COARSE), [0] * len(flat), stride
-    )
-    best = _hypothesis(fits, fits.best_row(0), "best", thin)
-    others = alternatives(
-        body, prior, library, [observation], fits, weights, videos=[0], count=count - 1
-    )[0]
-    dense = MotionHypothesis(all_frames(best.motion, [observation], stride), best.cost, best.name)
-    return [dense, *(replace(h, cost=h.cost + best.cost) for h in others)]
 
 
 def reversed_starts(

@@ -181,4 +181,4 @@ def alternated(
     spread = estimate_spread(scene, common, cameras)
     status = f"{options.rounds} alternations of Eq. 8"
     fit = misfit(scene, common, cameras)
-    return JointMotion(state, cameras, common, spread, costs, status, fit, scene.swapped)
+    return JointMotion(state, cameras, common, spread, costs, status, fit)

@@ -1,41 +1,24 @@
-"""What the other videos' motion says of a video: its left and right, its limbs.
+"""Where the other videos expect a video's limbs.
 
 A video's keypoints are held against the other videos' motion, at corresponding moments. Its own
-motion does not vote, so that an error does not confirm itself.
-
-Left-right swaps. Swapped sides of the whole body look, to one view, like a performer who faces the
-other way, and swapped legs like other steps. Each frame's keypoints are as detected, with swapped
-legs, or swapped as a whole, whichever the others' motion explains best (Viterbi; every change costs
-something). A performer who really turns away turns against the others little by little, and for a
-while faces a quarter another way; one whose sides were swapped faces as they do, or the opposite
-way, and nothing between.
-
-Doubtful limbs. A joint that the detector was not sure of and that lies elsewhere than the others
-expect it is detected again. What it is sure of is kept: where performances differ, the others
-contradict it too.
+motion does not vote, so that an error does not confirm itself. A joint that the detector was not
+sure of and that lies elsewhere than the others expect it is detected again. What it is sure of is
+kept: where performances differ, the others contradict it too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial.transform import Rotation
 
-from imocap_core.alignment import rigid
-from imocap_core.body.layouts import point_shares
 from imocap_core.camera.projection import project_camera
 from imocap_core.motion.multiview.scene import Cameras, Scene
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
-from imocap_core.sequences import runs, viterbi
-from imocap_core.sync.hypotheses import STATES, with_swapped_sides
-from imocap_core.sync.screening.registration import residual_share
-
-MOMENTS = 60  # of the common time that are compared
 
 
 @dataclass(frozen=True)
@@ -73,11 +56,10 @@ class PosesOfOthers:
     count: Int[np.ndarray, " N"]
 
 
-def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) -> KeypointEvidence:
-    """Evenly spaced moments of the reference."""
+def keypoint_evidence(scene: Scene, state: MotionState) -> KeypointEvidence:
+    """Every frame of the reference."""
     keypoints = scene.keypoints
-    last = keypoints.xy_px.shape[1] - 1
-    frames = np.unique(np.linspace(0, last, moments).round().astype(int))
+    frames = np.arange(keypoints.xy_px.shape[1])
     xyz = scene.body.positions(scene.body.keypoints, state)
     rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
     motions = [sample(x[: len(o.xy_px)], f[frames]).cpu().numpy() for x, o, f in rows]
@@ -85,31 +67,6 @@ def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) 
     return KeypointEvidence(
         frames, np.stack(motions), keypoints.xy_px[:, frames], keypoints.weight[:, frames] * scale
     )
-
-
-def frame_residuals(
-    pose: Float[np.ndarray, "N K 3"],
-    xy_px: Float[np.ndarray, "N K 2"],
-    weight: Float[np.ndarray, "N K"],
-    R: Float[np.ndarray, "D 3 3"],
-) -> Float[np.ndarray, "D N"]:
-    """Share of each frame's keypoint spread that a rotated pose leaves, 0 to 1; 0 if unknown.
-
-    Scaled orthographic: with keypoints x and a projected pose p, both about their weighted means,
-    1 - <x, p>^2 / (<x, x> <p, p>) of the squared spread is left by the best positive scale.
-    """
-    w = weight[..., None]
-    total = np.maximum(w.sum(1, keepdims=True), 1e-12)
-    given = np.where(w > 0, xy_px, 0.0)
-    x = given - (w * given).sum(1, keepdims=True) / total
-    p = pose - (w * pose).sum(1, keepdims=True) / total
-    cross = np.einsum("nk,nki,nkj->nij", weight, x, p)
-    moment = np.einsum("nk,nki,nkj->nij", weight, p, p)
-    product = np.einsum("dij,nij->dn", R[:, :2], cross)
-    spread = np.einsum("dij,njk,dik->dn", R[:, :2], moment, R[:, :2])
-    size = np.einsum("nk,nki,nki->n", weight, x, x)
-    visible = (weight > 0).sum(1) > 3
-    return np.where(visible, residual_share(product, spread, size), 0.0)
 
 
 def mean_of_others(
@@ -124,119 +81,6 @@ def mean_of_others(
     mean = (matched[..., None] * world).sum(axis=0) / np.maximum(count, 1)[..., None]
     square = matched * np.square(world - mean).sum(axis=-1)
     return PosesOfOthers(mean, np.sqrt(square.sum(axis=0) / np.maximum(count, 1)), count[:, 0])
-
-
-QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no swap of sides turns a body by
-TURNING_SHARE, TURNING_S = 0.2, 0.27  # of a stretch: less is a fit's own turn at its two ends
-RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
-SWAPPED = 0.1  # of a frame, in logarithms of the residual
-FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
-LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
-CHANGE = np.array([0.0, 1.0, 0.5, 1.0])  # to or from each state: legs are swapped most often
-
-
-def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
-    """The scene with left and right swapped in the frames where the other videos say so.
-
-    Legs alone are judged by two others at least: of two videos either may have them swapped. What
-    is above the hips is swapped alone only where it was before, by the choice of motions.
-
-    Args:
-        state: every video's motion in its own camera's axes.
-    """
-    if len(scene.observations) < 2:
-        return scene
-    frames = scene.timeline.from_reference.shape[1]
-    evidence = keypoint_evidence(scene, state, frames)  # legs pass each other within a few
-    R = cameras.R.cpu().numpy()
-    names = scene.body.keypoints.names
-    alone = [LEGS] if len(R) > 2 else []
-    poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
-    observations = []
-    for v, o in enumerate(scene.observations):
-        position = scene.timeline.to_reference[v]
-        pose = mean_of_others(evidence, R, v).mean_m[evidence.nearest_moment(position)]
-        weight = np.where(np.isfinite(position)[:, None], o.confidence, 0.0)
-        before = o.swapped_states
-        possible = {0, *alone, WHOLE, *before.tolist()}
-        states = swapped_states(pose, o.xy_px, weight, R[v], names, o.fps, before, possible)
-        whole = (states == WHOLE) & (before != WHOLE)
-        whole &= turning_frames(poses[v, : len(whole)], pose @ R[v].T, whole, o.fps)
-        observations.append(swapped(o, before ^ np.where(whole, before, states), names))
-    return replace(scene, observations=observations)
-
-
-def with_sides(scene: Scene, states: Sequence[Int[np.ndarray, " _"]]) -> Scene:
-    """The scene with left and right swapped as each video's states say (of
-    `swapped_by_others`, in all)."""
-    names = scene.body.keypoints.names
-    rows = zip(scene.observations, states, strict=True)
-    observations = [swapped(o, o.swapped_states ^ state, names) for o, state in rows]
-    return replace(scene, observations=observations)
-
-
-def swapped_states(
-    pose: Float[np.ndarray, "T K 3"],
-    xy_px: Float[np.ndarray, "T K 2"],
-    weight: Float[np.ndarray, "T K"],
-    R: Float[np.ndarray, "3 3"],
-    names: Sequence[str],
-    fps: float,
-    before: Int[np.ndarray, " T"],
-    possible: Iterable[int] = (0, LEGS, WHOLE),
-) -> Int[np.ndarray, " T"]:
-    """What of the detections has to be swapped for a pose, rotated by R, to explain them best.
-
-    Args:
-        xy_px: any value where the weight is 0; names: of the keypoints.
-        before: what of them was swapped already; possible: what may be swapped in all. Both are
-            states of `swapped_by_others`, as those returned are.
-    """
-    costs = np.full((len(pose), STATES), np.inf)
-    weight = weight * point_shares(names)
-    for state in possible:
-        x, w = (with_swapped_sides(q, before ^ state, names) for q in (xy_px, weight))
-        residual = frame_residuals(pose, x, w, R[None])[0]
-        costs[:, state] = np.log(residual + FLOOR) + SWAPPED * (state > 0)
-    costs *= min(1.0, RATE_PER_S / fps)
-    change = np.maximum(CHANGE[:, None], CHANGE) * (1.0 - np.eye(STATES))
-    steps = change + costs[1:, None]
-    return viterbi(costs[0], steps)
-
-
-def turning_frames(
-    pose: Float[np.ndarray, "T K 3"],
-    others: Float[np.ndarray, "T K 3"],
-    frames: Bool[np.ndarray, " T"],
-    fps: float,
-) -> Bool[np.ndarray, " T"]:
-    """Those of some frames, by whole stretches, in which the performer turns against the others.
-
-    Args:
-        pose, others: of the video and of the others, in the axes of the video's camera.
-    """
-    turning = np.zeros_like(frames)
-    for first, last in runs(frames):
-        stretch = slice(first, last + 1)
-        R = rigid(pose[stretch], others[stretch]).R_target_from_source
-        angle = Rotation.from_matrix(R).magnitude()
-        quarter = (angle > QUARTER_RAD[0]) & (angle < QUARTER_RAD[1])
-        least = max(TURNING_S * fps, TURNING_SHARE * (last + 1 - first))
-        turning[stretch] = round(least) <= quarter.sum()
-    return turning
-
-
-def swapped(
-    observation: Observation, states: Int[np.ndarray, " T"], names: Sequence[str]
-) -> Observation:
-    """The observation with its sides swapped as the states of `swapped_by_others` say."""
-    if not states.any():
-        return observation
-    xy_px, confidence = (
-        with_swapped_sides(x, states, names) for x in (observation.xy_px, observation.confidence)
-    )
-    in_all = observation.swapped_states ^ states
-    return replace(observation, xy_px=xy_px, confidence=confidence, swapped=in_all)
 
 
 LIMB_JOINTS = ("elbow", "wrist", "knee", "ankle")
@@ -266,7 +110,7 @@ def expected_by_others(scene: Scene, state: MotionState, cameras: Cameras) -> li
         state: every video's motion in its own camera's axes; its body's middle is where the poses
             of the others are put.
     """
-    evidence = keypoint_evidence(scene, state, scene.timeline.from_reference.shape[1])
+    evidence = keypoint_evidence(scene, state)
     poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
     R, K = cameras.R.cpu().numpy(), cameras.K.cpu().numpy()
     expected = []

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from imocap_core.camera.averaging import mean_rotation, mean_vector
@@ -201,11 +201,6 @@ class Scene:
         return [o.performer for o in self.observations]
 
     @property
-    def swapped(self) -> tuple[Int[np.ndarray, " _"], ...]:
-        """Of each video, which sides of its detections are swapped (`Observation.swapped`)."""
-        return tuple(o.swapped_states for o in self.observations)
-
-    @property
     def fps(self) -> float:
         """Frame rate of the reference."""
         return self.observations[self.reference].fps
@@ -254,8 +249,6 @@ class JointMotion:
         costs: the objective after each solve; status: a sentence.
         misfit: mean robust reprojection cost per keypoint of the common motion: how well the
             correspondences explain all images at once. Lower is better.
-        swapped: of each video (T_v,), which sides of its detections the solve swapped (states of
-            `sync.hypotheses.swapped_by_others`); empty where none were judged.
     """
 
     state: MotionState
@@ -265,7 +258,6 @@ class JointMotion:
     costs: list[float]
     status: str
     misfit: float
-    swapped: tuple[Int[np.ndarray, " _"], ...] = ()
 
 
 def correlation_frames(options: MotionParams, fps: float) -> float:

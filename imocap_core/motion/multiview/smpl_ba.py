@@ -21,7 +21,6 @@ from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import CommonFit, fit_in_stages
 from imocap_core.motion.multiview.low_rank import alternated
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
-from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import (
     Cameras,
     JointMotion,
@@ -158,11 +157,11 @@ def recover_motion(
 def _begun(
     scene: Scene, start: MotionState, cameras: Cameras | None
 ) -> tuple[Scene, MotionState, Cameras]:
-    """The scene with sides put right, the motions with one shape a performer, and the cameras."""
+    """The scene, the motions with one shape a performer, and the cameras."""
     state = shared_shapes(start, scene.performers)
     if cameras is None:
         cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
-    return with_sides_of_others(scene, state, cameras), state, cameras
+    return scene, state, cameras
 
 
 def common_then_deviations(
@@ -221,7 +220,7 @@ def _joint_motion(
     """A common motion and every video's; costs: of what was fitted after the common one."""
     return JointMotion(
         state, common.cameras, common.motion.uncached(), common.spread, [*common.costs, *costs],
-        status, common.misfit, scene.swapped,
+        status, common.misfit,
     )  # fmt: skip
 
 
@@ -229,4 +228,4 @@ def _single_video(scene: Scene, start: MotionState) -> JointMotion:
     eye, zero = torch.eye(3).to(start.trans)[None], torch.zeros(1, 3).to(start.trans)
     cameras = Cameras(eye, zero, scene.K.to(eye))
     status = "one video: the monocular motion stands"
-    return JointMotion(start, cameras, None, None, [], status, 0.0, scene.swapped)
+    return JointMotion(start, cameras, None, None, [], status, 0.0)
