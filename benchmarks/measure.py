@@ -122,7 +122,7 @@ PLAN = (  # the shorter ones first
     _benchmark("collect", "", "trials", "balance_beam", detected=True),
     _benchmark("moving_camera", library="pycolmap"),
     _benchmark("degraded", "", "balance_beam", "crowd", detected=True, in_parallel=True),
-    _benchmark("penn --videos 10", "penn", "penn", in_parallel=True),
+    _benchmark("penn --videos 2", "penn", "penn", in_parallel=True),
     _benchmark("screening", "", "train", in_parallel=True),
     _benchmark(
         "wrong_start", "", "trials", detected=True, in_parallel=True,
