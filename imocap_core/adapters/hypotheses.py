@@ -17,7 +17,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.motion.state import mirrored_joints
-from imocap_core.sync.hypotheses import CandidateMotions, Hypothesis3D, choose_jointly, sentences
+from imocap_core.sync.hypotheses import CandidateMotions, choose_jointly, sentences
 from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
 
 FIRST = "best"  # name of the motion of lowest cost
@@ -82,9 +82,9 @@ def candidates_of(
     if reflect:
         film = reflected_keypoints(film, mirror_indices(SMPL_JOINTS))
     joints = [motion.joints, *(other.motion.joints for other in alternatives)]
-    hypotheses = [Hypothesis3D(mirrored_joints(x) if reflect else x, film) for x in joints]
+    motions = [mirrored_joints(x) if reflect else x for x in joints]
     excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
-    return CandidateMotions(hypotheses, excess, video.fps)
+    return CandidateMotions(motions, film, excess, video.fps)
 
 
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # marked alike by detectors

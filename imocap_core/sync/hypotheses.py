@@ -15,7 +15,7 @@ clearly better.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -38,60 +38,56 @@ TURNS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
-class Hypothesis3D:
-    """A motion of one video, in the axes of its own camera (y down), and keypoints of its joints at
-    the same frames: as detected, or with the sides swapped that the motion says are."""
+class CandidateMotions:
+    """The motions that may explain one video.
 
-    motion: Float[np.ndarray, "T J 3"]
+    Attributes:
+        motions: in the axes of the video's camera (y down), the likeliest first; keypoints: of
+            their joints in the same frames.
+        excess: objective a frame of each, above the first's.
+    """
+
+    motions: Sequence[Float[np.ndarray, "T J 3"]]
     keypoints: Keypoints2D
+    excess: Float[np.ndarray, " K"]
+    fps: float
 
-    def every(self, n: int) -> Hypothesis3D:
+    def every(self, n: int) -> CandidateMotions:
         """Every n-th frame."""
-        return self.at(np.arange(0, len(self.motion), n))
-
-    def at(self, frames: Int[np.ndarray, " N"]) -> Hypothesis3D:
-        """Some frames, in any order."""
-        k = self.keypoints
-        return Hypothesis3D(self.motion[frames], Keypoints2D(k.xy_px[frames], k.weight[frames]))
+        points = Keypoints2D(self.keypoints.xy_px[::n], self.keypoints.weight[::n])
+        return CandidateMotions([x[::n] for x in self.motions], points, self.excess, self.fps / n)
 
 
-def pair_costs(
-    a: Sequence[Hypothesis3D], b: Sequence[Hypothesis3D]
-) -> Float[np.ndarray, "K_a K_b"]:
-    """Mean residual of both videos' keypoints for each pair of hypotheses, 0 to 1."""
+def pair_costs(a: CandidateMotions, b: CandidateMotions) -> Float[np.ndarray, "K_a K_b"]:
+    """Mean residual of both videos' keypoints for each pair of motions, 0 to 1."""
     forth = camera_directions(DIRECTIONS)
     R_b_from_a = np.concatenate([forth, np.cross(forth[:, :1], forth[:, 1:])], axis=1)
     back = R_b_from_a.transpose(0, 2, 1)[:, :2]
-    frames = np.arange(len(b[0].motion))
-    costs = np.zeros((len(a), len(b)))
-    residuals: dict[tuple[int, int, int], np.ndarray] = {}
-
-    def onto(of: Hypothesis3D, other: Hypothesis3D, axes: np.ndarray) -> np.ndarray:
-        """(D, T_other, T_of); hypotheses of one video mostly share their keypoints."""
-        key = (id(of.motion), id(other.keypoints), id(axes))
-        if key not in residuals:
-            residuals[key] = pose_residuals(of.motion, other.keypoints, axes)
-        return residuals[key]
-
+    onto_b = [pose_residuals(x, b.keypoints, forth) for x in a.motions]
+    onto_a = [pose_residuals(x, a.keypoints, back).transpose(0, 2, 1) for x in b.motions]
+    frames = np.arange(len(b.motions[0]))
+    costs = np.zeros((len(a.motions), len(b.motions)))
     for i, j in np.ndindex(costs.shape):
-        both = 0.5 * (onto(a[i], b[j], forth) + onto(b[j], a[i], back).transpose(0, 2, 1))
+        both = 0.5 * (onto_b[i] + onto_a[j])
         totals = warp_costs(both)
         best = int(totals.argmin())
         path = warp_path(both[best])
         steps = float(totals[best] - both[best][frames, path].sum())
-        costs[i, j] = refined_residual(R_b_from_a[best], a[i].at(path), b[j]) + steps / len(frames)
+        points = Keypoints2D(a.keypoints.xy_px[path], a.keypoints.weight[path])
+        forwards = _matched_residuals(a.motions[i][path], b.keypoints)
+        backwards = _matched_residuals(b.motions[j], points)
+        refined = _refined_residual(R_b_from_a[best], forwards, backwards)
+        costs[i, j] = refined + steps / len(frames)
     return costs
 
 
-def refined_residual(
-    R_b_from_a: Float[np.ndarray, "3 3"], a: Hypothesis3D, b: Hypothesis3D
+Residuals = Callable[[Float[np.ndarray, "D 3 3"]], Float[np.ndarray, " D"]]
+
+
+def _refined_residual(
+    R_b_from_a: Float[np.ndarray, "3 3"], forth: Residuals, back: Residuals
 ) -> float:
     """Mean residual of two videos' matched frames at a local minimum of the rotation."""
-
-    forth, back = (
-        _matched_residuals(a.motion, b.keypoints),
-        _matched_residuals(b.motion, a.keypoints),
-    )
 
     def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
         return 0.5 * (forth(R) + back(R.transpose(0, 2, 1)))
@@ -107,9 +103,7 @@ def refined_residual(
     return residual
 
 
-def _matched_residuals(
-    motion: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D
-) -> Callable[[Float[np.ndarray, "D 3 3"]], Float[np.ndarray, " D"]]:
+def _matched_residuals(motion: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D) -> Residuals:
     """Mean over the frames of what each rotated pose leaves of its own frame's keypoints, of D
     rotations."""
     share = keypoints.weight / np.maximum(keypoints.weight.sum(1, keepdims=True), 1e-12)
@@ -234,20 +228,6 @@ TIE = 0.005  # energies nearer to each other than that are not told apart
 
 
 @dataclass(frozen=True)
-class CandidateMotions:
-    """The motions that may explain one video.
-
-    Attributes:
-        hypotheses: the likeliest first.
-        excess: objective a frame of each, above the first's.
-    """
-
-    hypotheses: Sequence[Hypothesis3D]
-    excess: Float[np.ndarray, " K"]
-    fps: float
-
-
-@dataclass(frozen=True)
 class JointChoice:
     """The motion chosen for each video.
 
@@ -262,12 +242,12 @@ class JointChoice:
 
 def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
     """The joint choice of least energy, and the choices that are no worse by `TIE`."""
-    if len(videos) < 2 or all(len(v.hypotheses) == 1 for v in videos):
+    if len(videos) < 2 or all(len(v.motions) == 1 for v in videos):
         return JointChoice((0,) * len(videos), [() for _ in videos])
     thin = thinned_candidates(videos)
     share = 1.0 / (len(videos) - 1)
     edges = list(combinations(range(len(videos)), 2))
-    costs = thread_map(lambda e: pair_costs(thin[e[0]].hypotheses, thin[e[1]].hypotheses), edges)
+    costs = thread_map(lambda e: pair_costs(thin[e[0]], thin[e[1]]), edges)
     pairs = {edge: share * cost for edge, cost in zip(edges, costs, strict=True)}
     best, *others = best_labellings([_unary(v) for v in videos], pairs, margin=TIE)
     rivals = [
@@ -279,23 +259,9 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
 
 def thinned_candidates(videos: Sequence[CandidateMotions]) -> list[CandidateMotions]:
     """The same at one frame rate, so that a step of one video is about a step of every other."""
-    return [
-        replace(v, hypotheses=_every(v.hypotheses, n), fps=v.fps / n)
-        for v, n in zip(videos, strides(videos), strict=True)
-    ]
-
-
-def strides(videos: Sequence[CandidateMotions]) -> list[int]:
-    """Frames from one that is compared to the next, of each video."""
-    longest_s = max(len(v.hypotheses[0].motion) / v.fps for v in videos)
+    longest_s = max(len(v.motions[0]) / v.fps for v in videos)
     rate = min(RATE_PER_S, MOST_FRAMES / longest_s)
-    return [max(1, round(v.fps / rate)) for v in videos]
-
-
-def _every(hypotheses: Sequence[Hypothesis3D], n: int) -> list[Hypothesis3D]:
-    """Every n-th frame; keypoints that are shared stay shared."""
-    thin = {id(h.keypoints): h.every(n).keypoints for h in hypotheses}
-    return [Hypothesis3D(h.motion[::n], thin[id(h.keypoints)]) for h in hypotheses]
+    return [v.every(max(1, round(v.fps / rate))) for v in videos]
 
 
 def _unary(video: CandidateMotions) -> Float[np.ndarray, " K"]:

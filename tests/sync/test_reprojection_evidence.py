@@ -12,7 +12,6 @@ from imocap_core.sync import SyncEvidence, synchronise
 from imocap_core.sync.axes import increasing
 from imocap_core.sync.hypotheses import (
     CandidateMotions,
-    Hypothesis3D,
     JointChoice,
     best_labellings,
     choose_jointly,
@@ -249,9 +248,7 @@ def test_twelve_videos_are_searched() -> None:
 
 def test_reversed_depth_does_not_agree_with_a_right_motion() -> None:
     a, b = view_of(wandering(3, 12, 45), 0.3), view_of(wandering(3, 12, 45), 1.5)
-    of_a, of_b = (
-        [Hypothesis3D(x, filmed(right)) for x in (right, right * DEPTH)] for right in (a, b)
-    )
+    of_a, of_b = (CandidateMotions([x, x * DEPTH], filmed(x), np.zeros(2), 15.0) for x in (a, b))
     costs = pair_costs(of_a, of_b)
     assert costs[0, 0] < 0.6 * min(costs[0, 1], costs[1, 0])
     # both reversed are the mirror image of the scene, as good to cameras without perspective
@@ -265,9 +262,8 @@ def candidates(wrong: tuple[int, ...], excess: float) -> list[CandidateMotions]:
         right = view_of(wandering(7, 12, 45), azimuth)
         motions = [right, right * DEPTH]
         ordered = motions[::-1] if v in wrong else motions
-        film = filmed(right)
-        hypotheses = [Hypothesis3D(x, film) for x in ordered]
-        videos.append(CandidateMotions(hypotheses, np.array([0.0, excess]), 15.0))
+        excesses = np.array([0.0, excess])
+        videos.append(CandidateMotions(ordered, filmed(right), excesses, 15.0))
     return videos
 
 
@@ -286,7 +282,7 @@ def test_two_of_four_reversed_are_a_tie_without_perspective_or_a_body() -> None:
 
 def test_single_motions_leave_nothing_to_choose() -> None:
     films = candidates((), 5.0)
-    one = [CandidateMotions(v.hypotheses[:1], v.excess[:1], v.fps) for v in films]
+    one = [replace(v, motions=v.motions[:1], excess=v.excess[:1]) for v in films]
     assert choose_jointly(one) == JointChoice((0, 0, 0, 0), [(), (), (), ()])
 
 

@@ -22,27 +22,6 @@ from imocap_core.motion.state import MotionState
 
 
 @dataclass(frozen=True)
-class KeypointEvidence:
-    """Keypoints and motions of M videos at N corresponding moments.
-
-    Attributes:
-        moments: (N,) frames of the reference.
-        xyz_m: (M, N, K, 3) each video's motion in its own camera's axes.
-        xy_px: (M, N, K, 2); weight: (M, N, K), 0 where unknown or unmatched.
-    """
-
-    moments: Int[np.ndarray, " N"]
-    xyz_m: Float[np.ndarray, "M N K 3"]
-    xy_px: Float[np.ndarray, "M N K 2"]
-    weight: Float[np.ndarray, "M N K"]
-
-    def nearest_moment(self, position: Float[np.ndarray, " T"]) -> Int[np.ndarray, " T"]:
-        """Index of the moment nearest to each position in the reference, 0 where that is NaN."""
-        middles = (self.moments[1:] + self.moments[:-1]) / 2.0
-        return np.searchsorted(middles, np.nan_to_num(position))
-
-
-@dataclass(frozen=True)
 class PosesOfOthers:
     """Mean pose of the other videos at each moment, about its middle, world axes.
 
@@ -56,31 +35,27 @@ class PosesOfOthers:
     count: Int[np.ndarray, " N"]
 
 
-def keypoint_evidence(scene: Scene, state: MotionState) -> KeypointEvidence:
-    """Every frame of the reference."""
-    keypoints = scene.keypoints
-    frames = np.arange(keypoints.xy_px.shape[1])
+def means_of_others(
+    scene: Scene, state: MotionState, R: Float[np.ndarray, "M 3 3"]
+) -> list[PosesOfOthers]:
+    """Of every video the other videos' poses in the world's axes, each about its own middle, at the
+    frames of the reference."""
     xyz = scene.body.positions(scene.body.keypoints, state)
     rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
-    motions = [sample(x[: len(o.xy_px)], f[frames]).cpu().numpy() for x, o, f in rows]
-    scale = keypoints.sigma_px[:, frames, None] ** 2
-    return KeypointEvidence(
-        frames, np.stack(motions), keypoints.xy_px[:, frames], keypoints.weight[:, frames] * scale
-    )
-
-
-def mean_of_others(
-    evidence: KeypointEvidence, R: Float[np.ndarray, "M 3 3"], v: int
-) -> PosesOfOthers:
-    """The other videos' poses in the world's axes, each about its own middle."""
-    others = [u for u in range(len(R)) if u != v]
-    world = np.einsum("mji,mnkj->mnki", R[others], evidence.xyz_m[others])
+    motions = np.stack([sample(x[: len(o.xy_px)], f).cpu().numpy() for x, o, f in rows])
+    world = np.einsum("mji,mnkj->mnki", R, motions)
     world = world - world.mean(axis=2, keepdims=True)
-    matched = np.max(evidence.weight[others] > 0, axis=2)[..., None]
-    count = matched.sum(axis=0)
-    mean = (matched[..., None] * world).sum(axis=0) / np.maximum(count, 1)[..., None]
-    square = matched * np.square(world - mean).sum(axis=-1)
-    return PosesOfOthers(mean, np.sqrt(square.sum(axis=0) / np.maximum(count, 1)), count[:, 0])
+    matched = np.asarray(scene.keypoints.weight.max(axis=2) > 0)[..., None]
+
+    def without(v: int) -> PosesOfOthers:
+        others = np.arange(len(R)) != v
+        count = matched[others].sum(axis=0)
+        mean = (matched[others][..., None] * world[others]).sum(axis=0)
+        mean = mean / np.maximum(count, 1)[..., None]
+        square = matched[others] * np.square(world[others] - mean).sum(axis=-1)
+        return PosesOfOthers(mean, np.sqrt(square.sum(axis=0) / np.maximum(count, 1)), count[:, 0])
+
+    return [without(v) for v in range(len(R))]
 
 
 LIMB_JOINTS = ("elbow", "wrist", "knee", "ankle")
@@ -110,14 +85,15 @@ def expected_by_others(scene: Scene, state: MotionState, cameras: Cameras) -> li
         state: every video's motion in its own camera's axes; its body's middle is where the poses
             of the others are put.
     """
-    evidence = keypoint_evidence(scene, state)
     poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
     R, K = cameras.R.cpu().numpy(), cameras.K.cpu().numpy()
     expected = []
-    for v, o in enumerate(scene.observations):
+    for v, (o, others) in enumerate(
+        zip(scene.observations, means_of_others(scene, state, R), strict=True)
+    ):
         position = scene.timeline.to_reference[v]
-        moments = evidence.nearest_moment(position)
-        others = mean_of_others(evidence, R, v)
+        last = len(others.count) - 1
+        moments = np.clip(np.ceil(np.nan_to_num(position) - 0.5), 0, last).astype(int)
         middle = poses[v, : len(o.xy_px)].mean(axis=1, keepdims=True)
         place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
         xy_px = project_camera(others.mean_m[moments] @ R[v].T + middle - place, K[v])
