@@ -212,3 +212,14 @@ def sweep_drafts(folder: Path) -> None:
         if (aside / "old").is_dir() and not folder.exists():
             os.replace(aside / "old", folder)
         shutil.rmtree(aside, ignore_errors=True)
+
+
+# A calibrated rig's truth beside action.yaml (`pose2sim_truth` reads it).
+CALIBRATION = "calibration.npz"
+REFERENCE = "trc_reference.npz"
+RIG_FILES = (CALIBRATION, REFERENCE)
+
+
+def has_pose2sim_truth(folder: Path) -> bool:
+    """Whether an action's folder has both files."""
+    return all((folder / name).is_file() for name in RIG_FILES)

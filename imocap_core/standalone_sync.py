@@ -355,8 +355,8 @@ def _about(reference: str, job: Job, artifacts: Artifacts, former: Sync, display
 def _write(folder: Path, solved: SolvedSync, display: Display) -> list[Path]:
     from imocap_core.figures.style import quiet, save
     from imocap_core.figures.sync_figures import sync_picture
-    from imocap_core.film import lock_step
     from imocap_core.io.video import write_h264
+    from imocap_core.lock_step import lock_step
 
     job, keypoints, sync = solved.job, solved.keypoints, solved.sync
     folder.mkdir(parents=True, exist_ok=True)

@@ -24,11 +24,11 @@ BUDGETS = {
     "files of the core": 334,
     "lines of the core": 69_288,
     "packages of the core": 40,
-    "public names of the core": 3_887,
+    "public names of the core": 3_885,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
-    "lines of the tests": 41_135,
+    "lines of the tests": 41_129,
     "words of the documentation": 37_541,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8

@@ -17,8 +17,9 @@ from PIL import Image
 from imocap_core.adapters.lenses import lenses_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.film import Painter, lock_step, overlay_bodies
+from imocap_core.film import Painter, overlay_bodies
 from imocap_core.library.outputs import result_of
+from imocap_core.lock_step import lock_step
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -61,7 +61,7 @@ def choose_alternatives(
     ids = [motion.id for motion, *_ in rows]
     others = [[a for a in initial.alternatives if a.motion.id == i] for i in ids]
     candidates = [
-        candidates_of(motion, of_video, video, reflect=bool(declared))
+        _candidates(motion, of_video, video, bool(declared))
         for of_video, (motion, video, declared) in zip(others, rows, strict=True)
     ]
     choice = choose_jointly(candidates)
@@ -70,20 +70,16 @@ def choose_alternatives(
     return ChosenAlternatives(names, sentences(choice, ids, labels))
 
 
-def candidates_of(
-    motion: VideoMotion,
-    alternatives: Sequence[AlternativeMotion],
-    video: VideoKeypoints,
-    *,
-    reflect: bool = False,
+def _candidates(
+    motion: VideoMotion, others: Sequence[AlternativeMotion], video: VideoKeypoints, reflect: bool
 ) -> CandidateMotions:
     """A video's motions, the first one and others; seen in a mirror where it is mirrored itself."""
     film = keypoints_of_joints(video)
     if reflect:
         film = reflected_keypoints(film, mirror_indices(SMPL_JOINTS))
-    joints = [motion.joints, *(other.motion.joints for other in alternatives)]
+    joints = [motion.joints, *(other.motion.joints for other in others)]
     motions = [mirrored_joints(x) if reflect else x for x in joints]
-    excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
+    excess = np.array([0.0, *(a.excess_cost for a in others)])
     return CandidateMotions(motions, film, excess, video.fps)
 
 

@@ -28,7 +28,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body import Model, Posed
 from imocap_core.body.model import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.io.pose2sim_files import has_pose2sim_truth
+from imocap_core.files import has_pose2sim_truth
 from imocap_core.io.truth import Truth, VideoTruth, read_pose2sim_truth, read_truth
 from imocap_core.metrics import scoring
 from imocap_core.metrics.position import mean_joint_errors_mm, root_relative

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
+from imocap_core.files import CALIBRATION, REFERENCE
 from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
-from imocap_core.io.pose2sim_files import CALIBRATION, REFERENCE
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imocap_core.errors import WorkFailed, WrongUse, did_you_mean
+from imocap_core.files import RIG_FILES, has_pose2sim_truth
 from imocap_core.identifiers import NAME, Id
-from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
 from imocap_core.limits import LAST_FRAME, MAX_DISTORTION, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import content_digest
@@ -247,7 +247,7 @@ class Action:
         """Files that scoring reads: the `truth` of action.yaml, or those of a calibrated rig."""
         if self.truth is not None:
             return (self.truth,)
-        return FILES if has_pose2sim_truth(self.folder) else ()
+        return RIG_FILES if has_pose2sim_truth(self.folder) else ()
 
 
 def check_name(name: str) -> None:

@@ -244,7 +244,9 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
     """The joint choice of least energy, and the choices that are no worse by `TIE`."""
     if len(videos) < 2 or all(len(v.motions) == 1 for v in videos):
         return JointChoice((0,) * len(videos), [() for _ in videos])
-    thin = thinned_candidates(videos)
+    longest_s = max(len(v.motions[0]) / v.fps for v in videos)
+    rate = min(RATE_PER_S, MOST_FRAMES / longest_s)
+    thin = [v.every(max(1, round(v.fps / rate))) for v in videos]  # a step of one is one of all
     share = 1.0 / (len(videos) - 1)
     edges = list(combinations(range(len(videos)), 2))
     costs = thread_map(lambda e: pair_costs(thin[e[0]], thin[e[1]]), edges)
@@ -255,13 +257,6 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
         for v, label in enumerate(best.labels)
     ]
     return JointChoice(best.labels, rivals)
-
-
-def thinned_candidates(videos: Sequence[CandidateMotions]) -> list[CandidateMotions]:
-    """The same at one frame rate, so that a step of one video is about a step of every other."""
-    longest_s = max(len(v.motions[0]) / v.fps for v in videos)
-    rate = min(RATE_PER_S, MOST_FRAMES / longest_s)
-    return [v.every(max(1, round(v.fps / rate))) for v in videos]
 
 
 def _unary(video: CandidateMotions) -> Float[np.ndarray, " K"]:

@@ -37,15 +37,9 @@ from imocap_core.figures.sheets import (
     upright_world,
 )
 from imocap_core.figures.style import new_figure, quiet, save
-from imocap_core.film import (
-    NEUTRAL_RGB,
-    OverlayBody,
-    Painter,
-    overlay_bodies,
-    overlay_film,
-    source_frames,
-)
+from imocap_core.film import OverlayBody, Painter, overlay_bodies, overlay_film
 from imocap_core.io.video import write_h264
+from imocap_core.lock_step import NEUTRAL_RGB, source_frames
 from imocap_core.viewer.viewer_video import cutter
 from tests.report.made import FPS, SIZE, K, Made
 

@@ -10,7 +10,8 @@ from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap
 from imocap_core.figures.style import DIMMED, quiet, save
 from imocap_core.figures.sync_figures import sync_picture, uncertainty_s
 from imocap_core.figures.sync_summary import common_moments, retimed, sync_rows, title_of
-from imocap_core.film import (
+from imocap_core.io.video import write_h264
+from imocap_core.lock_step import (
     HEAD_PX,
     SIDE_PX,
     SyncedVideo,
@@ -23,7 +24,6 @@ from imocap_core.film import (
     tile,
     tile_shape,
 )
-from imocap_core.io.video import write_h264
 from tests.made_sync import trust_in
 from tests.report.made import FPS, SIZE, Made
 

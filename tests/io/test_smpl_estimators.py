@@ -16,7 +16,7 @@ from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
 from imocap_core.export.npz_files import write_amass
-from imocap_core.io.pose2sim_files import has_pose2sim_truth
+from imocap_core.files import has_pose2sim_truth
 from imocap_core.io.readers.estimates import read_joints_npz
 from imocap_core.io.readers.smpl_estimators import read_smpl_npz
 from imocap_core.io.truth import project_name, read_pose2sim_truth, read_truth

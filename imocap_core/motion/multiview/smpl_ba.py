@@ -132,7 +132,7 @@ def solve_jointly(
     if options.objective == "shared":
         return recover_motion(scene, start, options, progress, cameras=cameras, restart=restart)
     restart = restart or cameras is None
-    return one_motion(*_begun(scene, start, cameras), options, progress, restart=restart)
+    return one_motion(scene, *_begun(scene, start, cameras), options, progress, restart=restart)
 
 
 def recover_motion(
@@ -149,19 +149,17 @@ def recover_motion(
     again = cameras is not None
     restart = restart or not again
     scene, axis = continued(scene)
-    begun = _begun(scene, start, cameras)
+    begun = scene, *_begun(scene, start, cameras)
     motion = common_then_deviations(*begun, options, progress, restart=restart, with_modes=again)
     return within_reference(motion, axis)
 
 
 def _begun(
     scene: Scene, start: MotionState, cameras: Cameras | None
-) -> tuple[Scene, MotionState, Cameras]:
-    """The scene, the motions with one shape a performer, and the cameras."""
+) -> tuple[MotionState, Cameras]:
+    """The motions with one shape a performer, and the cameras."""
     state = shared_shapes(start, scene.performers)
-    if cameras is None:
-        cameras = cameras_from_motion(scene, state, scene.K.to(state.trans))
-    return scene, state, cameras
+    return state, cameras or cameras_from_motion(scene, state, scene.K.to(state.trans))
 
 
 def common_then_deviations(
