@@ -34,4 +34,6 @@ def test_sides_swap_back() -> None:
     assert c.swap_side("left_knee") == "right_knee"
     assert c.swap_side("nose") == "nose"
     assert c.mirror_indices(["left_eye", "nose"]) == (0, 1)  # its twin is not in the list
+    two = ("nose", "left_knee", "right_knee", "nose", "right_knee", "left_knee")
+    assert c.mirror_indices(two) == (0, 2, 1, 3, 5, 4)  # a twin in each of two layouts
     assert c.left_right_pairs(["right_hip", "nose", "left_hip"]) == ((2, 0),)

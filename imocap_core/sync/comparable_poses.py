@@ -107,18 +107,17 @@ def of_one_mean(
     another mean for that: as much of the difference stays as its poses vary less than the others',
     and as much as the mean of a few moments differs by chance.
     """
-    means, turns, spreads = zip(
-        *(_mean_pose(x, w) for x, w in zip(poses, weights, strict=True)), strict=True
-    )
-    every = np.ones(means[0].shape[:1])
-    common, (to_common, _) = _aligned_mean(np.stack(means), np.tile(every, (len(means), 1)))
+    of_videos = [_mean_pose(x, w) for x, w in zip(poses, weights, strict=True)]
+    means, turns, spreads = zip(*of_videos, strict=True)
+    shown = np.stack([(w > 0).any(axis=0) for w in weights])
+    common, (to_common, _) = _aligned_mean(np.stack(means), shown.astype(float))
     usual, out = float(np.median(spreads)), []
-    for x, mean, turn, R, spread in zip(poses, means, turns, to_common, spreads, strict=True):
-        off = common @ R - mean
-        square = float((off**2).sum(axis=1).mean())
+    for v, (x, spread) in enumerate(zip(poses, spreads, strict=True)):
+        off = np.where(shown[v][:, None], common @ to_common[v] - means[v], 0.0)
+        square = float((off**2).sum() / max(shown[v].sum(), 1))
         chance = max(usual - spread, 0.0) + usual / MOMENTS
         share = TAKEN_OFF * max(0.0, 1.0 - chance / max(square, 1e-12))
-        out.append(x + share * np.einsum("nba,jb->nja", turn, off))
+        out.append(x + share * np.einsum("nba,jb->nja", turns[v], off))
     return out
 
 
@@ -136,7 +135,8 @@ def _aligned_mean(
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Mean of poses after the best rotation of each, these, and the poses so turned."""
     x, total = centred(poses, weights), np.maximum(weights.sum(axis=0), 1e-9)[:, None]
-    mean = x[len(x) // 2]
+    whole = np.flatnonzero(weights.sum(axis=1) == weights.sum(axis=1).max())
+    mean = x[whole[len(whole) // 2]]
     for _ in range(ALIGNMENTS):
         R = rotations_onto(x, np.broadcast_to(mean, x.shape), weights)
         turned = np.einsum("nab,njb->nja", R, x)

@@ -383,11 +383,6 @@ def test_blazepose_marks_shoulders_nearer_to_the_neck_and_feet_higher(body: Mode
     assert all(np.array_equal(marked[name], joints[name]) for name in same)
 
 
-def test_every_twin_has_its_twin_in_its_own_layout() -> None:
-    names = ("nose", "left_knee", "right_knee", "nose", "right_knee", "left_knee")
-    assert conventions.mirror_indices(names) == (0, 2, 1, 3, 5, 4)
-
-
 def test_many_points_on_a_head_say_no_more_than_one() -> None:
     names = ("nose", "left_eye", "left_ear", "left_knee", "left_foot_index", "left_wrist")
     assert point_shares(names).tolist() == [1 / 3, 1 / 3, 1 / 3, 1, 1, 1]

@@ -294,9 +294,8 @@ def test_what_stays_of_a_video_is_taken_off_and_what_shows_a_part_is_kept() -> N
     bent = poses + 3.0 * poses.std(axis=0).mean() * rng.normal(size=poses.shape[1:])
     turn = Rotation.from_rotvec([0.0, 1.0, 0.2]).as_matrix()
 
-    alike = of_one_mean([poses, poses @ turn, poses], weights)
-    np.testing.assert_array_equal(alike, [poses, poses @ turn, poses])
-
+    alike = [poses, poses @ turn, poses]
+    np.testing.assert_array_equal(of_one_mean(alike, weights), alike)
     corrected = of_one_mean([poses, bent @ turn, poses], weights)
     apart, left = (
         procrustes_distances(x[0], x[1], *weights[:2]).diagonal().mean()
@@ -304,6 +303,11 @@ def test_what_stays_of_a_video_is_taken_off_and_what_shows_a_part_is_kept() -> N
     )
     assert 0.3 * apart < left < 0.65 * apart
 
-    part = poses[:12]
-    kept = of_one_mean([poses, part, poses], [weights[0], weights[0][:12], weights[0]])
-    assert np.abs(kept[1] - part).mean() < 0.2 * np.abs(kept[1] - poses.mean(axis=0)).mean()
+    kept = of_one_mean([poses, poses[:12], poses], [weights[0], weights[0][:12], weights[0]])
+    assert np.abs(kept[1] - poses[:12]).mean() < 0.2 * np.abs(kept[1] - poses.mean(axis=0)).mean()
+
+    hidden = poses.copy()
+    hidden[:, 3], hidden[40:50] = np.nan, np.nan
+    without = of_one_mean([poses, hidden], [weights[0], np.isfinite(hidden[..., 0]) * 1.0])
+    np.testing.assert_allclose(without[0], poses, atol=0.02)
+    assert np.isnan(without[1]).sum() == np.isnan(hidden).sum()
