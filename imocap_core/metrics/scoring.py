@@ -207,7 +207,7 @@ def reprojection_rows(
 ) -> list[ScoreRow]:
     """Reprojection error of the keypoints, in pixels and in per cent of the person's height."""
     errors = camera.reprojection_errors_px(points_cam_m, K, xy_px, confidence)
-    mean = camera.reprojection_error_px(errors, confidence)
+    mean = round(camera.reprojection_error_px(errors, confidence), 9)  # the rest is rounding
     return [
         scored_row(result, video, "reprojection_px", mean, "nothing was detected"),
         scored_row(

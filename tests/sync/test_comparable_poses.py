@@ -287,11 +287,10 @@ def test_hints_are_those_of_the_pictures() -> None:
 
 
 def test_what_stays_of_a_video_is_taken_off_and_what_shows_a_part_is_kept() -> None:
-    rng = np.random.default_rng(4)
     poses = pose_at(np.linspace(0, 6, 90))
     poses -= poses.mean(axis=1, keepdims=True)
-    weights = [np.ones(poses.shape[:2])] * 3
-    bent = poses + 3.0 * poses.std(axis=0).mean() * rng.normal(size=poses.shape[1:])
+    weights, off = [np.ones(poses.shape[:2])] * 3, np.random.default_rng(4).normal(size=(12, 3))
+    bent = poses + 3.0 * poses.std(axis=0).mean() * off
     turn = Rotation.from_rotvec([0.0, 1.0, 0.2]).as_matrix()
 
     alike = [poses, poses @ turn, poses]
