@@ -28,8 +28,8 @@ BUDGETS = {
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
-    "lines of the tests": 41_129,
-    "words of the documentation": 37_541,  # of all pages but the changelog, as `wc -w` counts
+    "lines of the tests": 41_207,
+    "words of the documentation": 37_582,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})

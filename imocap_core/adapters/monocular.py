@@ -58,7 +58,6 @@ from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import Body
 from imocap_core.params import FitParams, InitialSmplParams
-from imocap_core.workers import thread_map
 
 KEYPOINTS_ALONE = "monocular"  # origin of a fit without an estimate
 
@@ -291,7 +290,9 @@ def fit_single_video(
         videos=[0] if count else [], count=count,
     )  # fmt: skip
     rest = alternatives_of(body, others, observations, keypoints)
-    first, rest = likeliest_first(motions[0], with_falls(motions[0], rest, single, fit))
+    every = [motions[0], *(other.motion for other in rest)]
+    falls = [fall_cost(m, keypoints.videos[0], cameras.videos[0], fit) for m in every]
+    first, rest = likeliest_first(motions[0], rest, falls)
     return InitialSmpl(
         model=body.model.name,
         model_digest=body.model.digest,
@@ -308,41 +309,24 @@ def fit_single_video(
 PER_FALL = 2.0  # objective a frame that counts as much as twice a nat of evidence from gravity
 
 
-def with_falls(
-    first: VideoMotion, others: Sequence[AlternativeMotion], single: SingleVideo, fit: FitParams
-) -> list[AlternativeMotion]:
-    """Other motions of a video with what gravity says of them in their costs.
+def likeliest_first(
+    first: VideoMotion, others: Sequence[AlternativeMotion], falls: Sequence[float]
+) -> tuple[VideoMotion, list[AlternativeMotion]]:
+    """The motion of lowest cost, and the others; that which it replaces takes its name.
 
     A view hardly shows whether a body leans along the line of sight; one that does would fall.
+
+    Args:
+        falls: of the first and the others, `fall_cost`.
     """
-    if not others:
-        return []
-    (video,), (camera,) = single.keypoints.videos, single.cameras.videos
-    of_first = fall_cost(first, video, camera, fit)
-
-    def judged(other: AlternativeMotion) -> AlternativeMotion:
-        more = PER_FALL * (fall_cost(other.motion, video, camera, fit) - of_first)
-        return other.model_copy(update={"excess_cost": other.excess_cost + more})
-
-    return thread_map(judged, others)
-
-
-def likeliest_first(
-    first: VideoMotion, others: Sequence[AlternativeMotion]
-) -> tuple[VideoMotion, list[AlternativeMotion]]:
-    """The motion of lowest cost, and the others; that which it replaces takes its name."""
-    best = min(others, key=lambda a: a.excess_cost, default=None)
-    if best is None or best.excess_cost >= 0:
-        return first, list(others)
-    return best.motion, [
-        a.model_copy(
-            update={
-                "excess_cost": (0.0 if a is best else a.excess_cost) - best.excess_cost,
-                "motion": first if a is best else a.motion,
-            }
-        )
-        for a in others
-    ]
+    motions = [first, *(a.motion for a in others)]
+    cost = np.array([0.0, *(a.excess_cost for a in others)]) + PER_FALL * np.array(falls)
+    best = int(cost.argmin())
+    motions[best], least = first, cost[best]
+    cost[best] = cost[0]
+    rest = zip(others, motions[1:], (cost[1:] - least).tolist(), strict=True)
+    likeliest = first if best == 0 else others[best - 1].motion
+    return likeliest, [a.model_copy(update={"motion": m, "excess_cost": x}) for a, m, x in rest]
 
 
 def joined(fits: Sequence[InitialSmpl], ids: Sequence[str]) -> InitialSmpl:

@@ -107,10 +107,10 @@ def of_one_mean(
     another mean for that: as much of the difference stays as its poses vary less than the others',
     and as much as the mean of a few moments differs by chance.
     """
-    of_videos = [_mean_pose(x, w) for x, w in zip(poses, weights, strict=True)]
+    of_videos = [_aligned_mean(x, w) for x, w in zip(poses, weights, strict=True)]
     means, turns, spreads = zip(*of_videos, strict=True)
     shown = np.stack([(w > 0).any(axis=0) for w in weights])
-    common, (to_common, _) = _aligned_mean(np.stack(means), shown.astype(float))
+    common, to_common, _ = _aligned_mean(np.stack(means), shown.astype(float))
     usual, out = float(np.median(spreads)), []
     for v, (x, spread) in enumerate(zip(poses, spreads, strict=True)):
         off = np.where(shown[v][:, None], common @ to_common[v] - means[v], 0.0)
@@ -121,27 +121,19 @@ def of_one_mean(
     return out
 
 
-def _mean_pose(
-    poses: Float[np.ndarray, "T J 3"], weights: Float[np.ndarray, "T J"]
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """A video's mean pose, the rotations of its frames onto it, and their mean squared distance."""
-    mean, (turn, aligned) = _aligned_mean(poses, weights)
-    square = (weights * ((aligned - mean) ** 2).sum(axis=-1)).sum()
-    return mean, turn, float(square / max(float(weights.sum()), 1e-9))
-
-
 def _aligned_mean(
     poses: Float[np.ndarray, "N J 3"], weights: Float[np.ndarray, "N J"]
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """Mean of poses after the best rotation of each, these, and the poses so turned."""
-    x, total = centred(poses, weights), np.maximum(weights.sum(axis=0), 1e-9)[:, None]
+) -> tuple[Float[np.ndarray, "J 3"], Float[np.ndarray, "N 3 3"], float]:
+    """Mean of poses after the best rotation of each, these, and the mean squared distance."""
+    x, total = centred(poses, weights), np.maximum(weights.sum(axis=0), 1e-9)
     whole = np.flatnonzero(weights.sum(axis=1) == weights.sum(axis=1).max())
-    mean = x[whole[len(whole) // 2]]
+    mean, R, turned = x[whole[len(whole) // 2]], np.zeros(0), x
     for _ in range(ALIGNMENTS):
         R = rotations_onto(x, np.broadcast_to(mean, x.shape), weights)
         turned = np.einsum("nab,njb->nja", R, x)
-        mean = (weights[..., None] * turned).sum(axis=0) / total
-    return mean, (R, turned)
+        mean = (weights[..., None] * turned).sum(axis=0) / total[:, None]
+    square = (weights * ((turned - mean) ** 2).sum(axis=-1)).sum() / total.sum()
+    return mean, R, float(square)
 
 
 CHANGE_S = 0.5  # means over this long before and after a frame are compared

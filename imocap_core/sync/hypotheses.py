@@ -14,19 +14,21 @@ clearly better.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
 
+from imocap_core.alignment import refined_rotation
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
+    Residuals,
     camera_directions,
+    matched_residuals,
     pose_residuals,
-    residual_share,
     warp_costs,
     warp_path,
 )
@@ -34,7 +36,6 @@ from imocap_core.workers import thread_map
 
 DIRECTIONS = 96
 STEPS_DEG = (8.0, 4.0, 2.0)  # of the rotation's refinement
-TURNS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
@@ -74,52 +75,17 @@ def pair_costs(a: CandidateMotions, b: CandidateMotions) -> Float[np.ndarray, "K
         path = warp_path(both[best])
         steps = float(totals[best] - both[best][frames, path].sum())
         points = Keypoints2D(a.keypoints.xy_px[path], a.keypoints.weight[path])
-        forwards = _matched_residuals(a.motions[i][path], b.keypoints)
-        backwards = _matched_residuals(b.motions[j], points)
-        refined = _refined_residual(R_b_from_a[best], forwards, backwards)
+        onto = matched_residuals(a.motions[i][path], b.keypoints)
+        residuals = partial(_both_ways, onto, matched_residuals(b.motions[j], points))
+        _, refined = refined_rotation(R_b_from_a[best], residuals, STEPS_DEG)
         costs[i, j] = refined + steps / len(frames)
     return costs
 
 
-Residuals = Callable[[Float[np.ndarray, "D 3 3"]], Float[np.ndarray, " D"]]
-
-
-def _refined_residual(
-    R_b_from_a: Float[np.ndarray, "3 3"], forth: Residuals, back: Residuals
-) -> float:
-    """Mean residual of two videos' matched frames at a local minimum of the rotation."""
-
-    def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
-        return 0.5 * (forth(R) + back(R.transpose(0, 2, 1)))
-
-    R, residual = R_b_from_a, float(residuals(R_b_from_a[None])[0])
-    for step_deg in STEPS_DEG:
-        turns = Rotation.from_rotvec(TURNS * np.deg2rad(step_deg)).as_matrix()
-        while True:
-            near = residuals(turns @ R)
-            if near.min() >= residual:
-                break
-            R, residual = turns[near.argmin()] @ R, float(near.min())
-    return residual
-
-
-def _matched_residuals(motion: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D) -> Residuals:
-    """Mean over the frames of what each rotated pose leaves of its own frame's keypoints, of D
-    rotations."""
-    share = keypoints.weight / np.maximum(keypoints.weight.sum(1, keepdims=True), 1e-12)
-    given = np.where(keypoints.weight[..., None] > 0, keypoints.xy_px, 0.0)
-    x, p = (q - share[:, None] @ q for q in (given, motion))
-    weighted = share[..., None] * p
-    cross, moment = ((weighted.mT @ q).reshape(len(p), -1).T.copy() for q in (x, p))
-    size = (share[..., None] * x**2).sum((1, 2))
-
-    def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
-        axes = R[:, :2]
-        product = axes.mT.reshape(-1, 6) @ cross
-        spread = (axes.mT @ axes).reshape(-1, 9) @ moment
-        return residual_share(product, spread, size).mean(axis=1)
-
-    return residuals
+def _both_ways(
+    forth: Residuals, back: Residuals, R_b_from_a: Float[np.ndarray, "D 3 3"]
+) -> Float[np.ndarray, " D"]:
+    return 0.5 * (forth(R_b_from_a[:, :2]) + back(R_b_from_a.mT[:, :2])).mean(axis=1)
 
 
 MOST_PARTIAL = 200_000  # labellings at once; beyond it the cheapest, and the choice is approximate

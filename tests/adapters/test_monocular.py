@@ -105,10 +105,11 @@ def test_the_likeliest_motion_is_first_and_what_it_replaces_takes_its_name(made:
         AlternativeMotion(name="depth", excess_cost=4.0, motion=falling),
         AlternativeMotion(name="sides", excess_cost=-1.5, motion=upright),
     ]
-    assert likeliest_first(first, others[:1]) == (first, others[:1])
-    likeliest, rest = likeliest_first(first, others)
+    assert likeliest_first(first, others[:1], [3.0, 3.0]) == (first, others[:1])
+    likeliest, rest = likeliest_first(first, others, [9.0, 9.5, 9.0])
     assert likeliest is upright
-    assert [(a.name, a.excess_cost) for a in rest] == [("depth", 5.5), ("sides", 1.5)]
+    assert [(a.name, a.excess_cost) for a in rest] == [("depth", 6.5), ("sides", 1.5)]
+    assert likeliest_first(first, others, [1.0, 9.0, 9.0])[0] is first
     assert rest[1].motion is first
 
 

@@ -29,11 +29,10 @@ def test_videos_are_in_step(yoga: Scored) -> None:
     assert after["matched_share"] >= 0.9  # an error over few matches would say little
 
 
-def test_several_videos_are_much_better_than_one_and_the_loop_is_in_step(yoga: Scored) -> None:
-    found = yoga.summary()
-    single, after = found["single pass"], found["after loop"]
-    assert after["mpjpe_mm"] <= min(0.7 * found["monocular"]["mpjpe_mm"], 1.01 * single["mpjpe_mm"])
-    assert after["sync_error_pct"] <= 0.9 * single["sync_error_pct"]
+def test_several_videos_are_much_better_than_one_and_the_loop_helps(yoga: Scored) -> None:
+    found = {result: row["mpjpe_mm"] for result, row in yoga.summary().items()}
+    assert found["after loop"] <= 0.7 * found["monocular"]
+    assert found["after loop"] <= found["single pass"]
 
 
 def test_every_camera_is_found(yoga: Scored) -> None:

@@ -47,7 +47,7 @@ class AlternativeMotion(Value):
     """Another motion that may explain a video (depth, facing or sides reversed, another start)."""
 
     name: str  # of the start that led to it
-    excess_cost: float  # objective a frame, above that of the motion of lowest cost
+    excess_cost: float  # a frame, of objective and gravity, above the video's motion
     motion: VideoMotion
 
 

@@ -1,59 +1,69 @@
-"""Where the other videos expect a video's limbs.
+"""What the other videos' motion says of a video: its limbs, its left and right.
 
 A video's keypoints are held against the other videos' motion, at corresponding moments. Its own
 motion does not vote, so that an error does not confirm itself. A joint that the detector was not
 sure of and that lies elsewhere than the others expect it is detected again. What it is sure of is
 kept: where performances differ, the others contradict it too.
+
+Exchanged sides of the whole body look, to one view, like a performer who faces the other way, and
+exchanged legs like other steps. What lasts is taken for that: facing is a question of the video's
+motion, and a detector that exchanges sides does so for some frames.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from imocap_core.body.layouts import point_shares
 from imocap_core.camera.projection import project_camera
+from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.scene import Cameras, Scene
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
+from imocap_core.sequences import runs, viterbi
+from imocap_core.sync.screening.registration import Keypoints2D, matched_residuals
 
 
 @dataclass(frozen=True)
 class PosesOfOthers:
-    """Mean pose of the other videos at each moment, about its middle, world axes.
+    """Mean pose of the other videos at each frame of a video, about its middle, world axes.
 
     Attributes:
-        mean_m: (N, K, 3); sd_m: (N, K) standard deviation of each keypoint.
-        count: (N,) videos that show the moment.
+        mean_m: (T, K, 3); sd_m: (T, K) standard deviation of each keypoint.
+        count: (T,) videos that show the moment.
     """
 
-    mean_m: Float[np.ndarray, "N K 3"]
-    sd_m: Float[np.ndarray, "N K"]
-    count: Int[np.ndarray, " N"]
+    mean_m: Float[np.ndarray, "T K 3"]
+    sd_m: Float[np.ndarray, "T K"]
+    count: Int[np.ndarray, " T"]
 
 
-def means_of_others(
+def poses_of_others(
     scene: Scene, state: MotionState, R: Float[np.ndarray, "M 3 3"]
 ) -> list[PosesOfOthers]:
-    """Of every video the other videos' poses in the world's axes, each about its own middle, at the
-    frames of the reference."""
-    xyz = scene.body.positions(scene.body.keypoints, state)
-    rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
+    """Of every video the other videos' poses in the world's axes, each about its own middle."""
+    timeline, xyz = scene.timeline, scene.body.positions(scene.body.keypoints, state)
+    rows = zip(xyz, scene.observations, timeline.from_reference, strict=True)
     motions = np.stack([sample(x[: len(o.xy_px)], f).cpu().numpy() for x, o, f in rows])
     world = np.einsum("mji,mnkj->mnki", R, motions)
     world = world - world.mean(axis=2, keepdims=True)
     matched = np.asarray(scene.keypoints.weight.max(axis=2) > 0)[..., None]
 
     def without(v: int) -> PosesOfOthers:
-        others = np.arange(len(R)) != v
+        others, position = np.arange(len(R)) != v, timeline.to_reference[v]
         count = matched[others].sum(axis=0)
         mean = (matched[others][..., None] * world[others]).sum(axis=0)
         mean = mean / np.maximum(count, 1)[..., None]
         square = matched[others] * np.square(world[others] - mean).sum(axis=-1)
-        return PosesOfOthers(mean, np.sqrt(square.sum(axis=0) / np.maximum(count, 1)), count[:, 0])
+        sd = np.sqrt(square.sum(axis=0) / np.maximum(count, 1))
+        near = np.clip(np.ceil(np.nan_to_num(position) - 0.5), 0, len(count) - 1).astype(int)
+        shown = np.where(np.isfinite(position), count[near, 0], 0)
+        return PosesOfOthers(mean[near], sd[near], shown)
 
     return [without(v) for v in range(len(R))]
 
@@ -88,17 +98,13 @@ def expected_by_others(scene: Scene, state: MotionState, cameras: Cameras) -> li
     poses = scene.body.positions(scene.body.keypoints, state).cpu().numpy()
     R, K = cameras.R.cpu().numpy(), cameras.K.cpu().numpy()
     expected = []
-    for v, (o, others) in enumerate(
-        zip(scene.observations, means_of_others(scene, state, R), strict=True)
-    ):
-        position = scene.timeline.to_reference[v]
-        last = len(others.count) - 1
-        moments = np.clip(np.ceil(np.nan_to_num(position) - 0.5), 0, last).astype(int)
+    rows = zip(scene.observations, poses_of_others(scene, state, R), strict=True)
+    for v, (o, others) in enumerate(rows):
         middle = poses[v, : len(o.xy_px)].mean(axis=1, keepdims=True)
         place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
-        xy_px = project_camera(others.mean_m[moments] @ R[v].T + middle - place, K[v])
-        sd_px = others.sd_m[moments] * K[v, 0, 0] / (middle - place)[..., 2]
-        is_shown = np.isfinite(position) & (others.count[moments] >= LEAST_OTHERS)
+        xy_px = project_camera(others.mean_m @ R[v].T + middle - place, K[v])
+        sd_px = others.sd_m * K[v, 0, 0] / (middle - place)[..., 2]
+        is_shown = others.count >= LEAST_OTHERS
         expected.append(
             ExpectedPlaces(
                 np.where(is_shown[:, None, None], xy_px, np.nan),
@@ -120,3 +126,55 @@ def contradicted(
     limbs = np.array([name.partition("_")[2] in LIMB_JOINTS for name in names])
     doubted = (observation.confidence > 0) & (observation.confidence < SURE) & limbs
     return doubted & (np.nan_to_num(away) > expected.limit_px)
+
+
+_RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
+_EXCHANGED, _CHANGE = (0.0, 0.1, 0.1), (0.0, 0.5, 1.0)  # costs: of a state, of going there or back
+_FLOOR = 0.1  # share of the keypoints' spread by which performances differ with the right sides
+_LONGEST_S = 0.6  # who lastingly seems to have the sides exchanged faces another way
+_LEGS = ("hip", "knee", "ankle", "foot", "toe", "heel")  # parts of their keypoints' names
+
+
+def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
+    """The scene with left and right exchanged where a detector took them for each other.
+
+    Each frame's keypoints are as detected, with exchanged legs, or exchanged as a whole, whichever
+    the others' motion explains best (Viterbi), for a while. Arguments as of `expected_by_others`.
+    """
+    if len(scene.observations) <= LEAST_OTHERS:
+        return scene
+    names, R = scene.body.keypoints.names, cameras.R.cpu().numpy()
+    twins = np.array(mirror_indices(names))
+    legs = np.array([any(word in name for word in _LEGS) for name in names])
+    orders = [np.arange(len(names)), np.where(legs, twins, np.arange(len(names))), twins]
+    observations = []
+    rows = zip(scene.observations, poses_of_others(scene, state, R), strict=True)
+    for v, (o, others) in enumerate(rows):
+        weight = np.where(others.count[:, None] > 0, o.confidence, 0.0) * point_shares(names)
+        states = _states(others.mean_m @ R[v].T, o.xy_px, weight, orders, o.fps)
+        order = np.array(orders)[states]
+        xy_px = np.take_along_axis(o.xy_px, order[..., None], axis=1)
+        confidence = np.take_along_axis(o.confidence, order, axis=1)
+        observations.append(replace(o, xy_px=xy_px, confidence=confidence))
+    return replace(scene, observations=observations)
+
+
+def _states(
+    pose: Float[np.ndarray, "T K 3"],
+    xy_px: Float[np.ndarray, "T K 2"],
+    weight: Float[np.ndarray, "T K"],
+    orders: Sequence[Int[np.ndarray, " K"]],
+    fps: float,
+) -> Int[np.ndarray, " T"]:
+    """Which order of the keypoints a pose in the camera's axes explains best, in each frame."""
+    costs = np.zeros((len(pose), len(orders)))
+    for state, order in enumerate(orders):
+        films = Keypoints2D(xy_px[:, order], weight[:, order])
+        residual = matched_residuals(pose, films)(np.eye(3)[None, :2])[0]
+        costs[:, state] = np.log(residual + _FLOOR) + _EXCHANGED[state]
+    costs *= min(1.0, _RATE_PER_S / fps)
+    change = np.maximum.outer(_CHANGE, _CHANGE) * (1.0 - np.eye(len(_CHANGE)))
+    states = viterbi(costs[0], change + costs[1:, None])
+    for first, last in runs(states > 0, round(_LONGEST_S * fps) + 1):
+        states[first : last + 1] = 0
+    return states

@@ -21,6 +21,7 @@ from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import CommonFit, fit_in_stages
 from imocap_core.motion.multiview.low_rank import alternated
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
+from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import (
     Cameras,
     JointMotion,
@@ -132,7 +133,7 @@ def solve_jointly(
     if options.objective == "shared":
         return recover_motion(scene, start, options, progress, cameras=cameras, restart=restart)
     restart = restart or cameras is None
-    return one_motion(scene, *_begun(scene, start, cameras), options, progress, restart=restart)
+    return one_motion(*_begun(scene, start, cameras), options, progress, restart=restart)
 
 
 def recover_motion(
@@ -149,17 +150,18 @@ def recover_motion(
     again = cameras is not None
     restart = restart or not again
     scene, axis = continued(scene)
-    begun = scene, *_begun(scene, start, cameras)
+    begun = _begun(scene, start, cameras)
     motion = common_then_deviations(*begun, options, progress, restart=restart, with_modes=again)
     return within_reference(motion, axis)
 
 
 def _begun(
     scene: Scene, start: MotionState, cameras: Cameras | None
-) -> tuple[MotionState, Cameras]:
-    """The motions with one shape a performer, and the cameras."""
+) -> tuple[Scene, MotionState, Cameras]:
+    """The scene with the sides put right, the motions with one shape a performer, the cameras."""
     state = shared_shapes(start, scene.performers)
-    return state, cameras or cameras_from_motion(scene, state, scene.K.to(state.trans))
+    cameras = cameras or cameras_from_motion(scene, state, scene.K.to(state.trans))
+    return with_sides_of_others(scene, state, cameras), state, cameras
 
 
 def common_then_deviations(

@@ -30,10 +30,10 @@ from imocap_core.sync.screening.registration import (
     Keypoints2D,
     best_warp,
     centred_plane,
+    matched_residuals,
     pose_residuals,
     reflected_keypoints,
     registration_residual,
-    residual_share,
     unbiased_directions,
     warp_costs,
 )
@@ -80,11 +80,9 @@ def registered(
     residuals = pose_residuals(motion, keypoints, directions)
     best = int(warp_costs(residuals).argmin())
     frames = best_warp(residuals[best])[1]
-    poses = np.nan_to_num(motion)[frames]
+    of_frames = matched_residuals(np.nan_to_num(motion)[frames], keypoints)
     start = np.concatenate([directions[best], np.cross(*directions[best])[None]])
-    R, _ = refined_rotation(
-        start, lambda near: _aligned_residuals(poses, plane, weight, near[:, :2]), TURNS_DEG
-    )
+    R, _ = refined_rotation(start, lambda near: of_frames(near[:, :2]).mean(axis=1), TURNS_DEG)
     axes = R[:2]
     refined = pose_residuals(motion, keypoints, axes[None])
     cost, frames = best_warp(refined[0])
@@ -151,23 +149,6 @@ def sides_corrected(
         np.where(swapped[:, None], other.weight, keypoints.weight),
     )
     return corrected, SWAPPED * float(swapped.mean())
-
-
-def _aligned_residuals(
-    poses: Float[np.ndarray, "T J 3"],
-    plane: Complex[np.ndarray, "T J"],
-    weight: Float[np.ndarray, "T J"],
-    directions: Float[np.ndarray, "D 2 3"],
-) -> Float[np.ndarray, " D"]:
-    """Mean of `pose_residuals` over frames whose poses correspond."""
-    projected = np.einsum("dij,tkj->ditk", directions, poses)
-    pose = projected[:, 0] + 1j * projected[:, 1]
-    total = np.maximum(weight.sum(1), 1e-12)
-    pose = pose - ((weight * pose).sum(2) / total)[..., None]
-    product = (weight * (plane.conj() * pose).real).sum(2)
-    spread = (weight * np.abs(pose) ** 2).sum(2)
-    size = (weight * np.abs(plane) ** 2).sum(1)
-    return np.asarray(residual_share(product, spread, size).mean(axis=1))
 
 
 PRIOR = 0.3  # weight of the monocular motion's joints; a visible keypoint weighs up to 1

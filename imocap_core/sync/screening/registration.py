@@ -9,7 +9,7 @@ spread that the projected pose leaves, between 0 and 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,6 +122,26 @@ def pose_residuals(
     spread = weight @ (right**2 + down**2) - squared_mean
     size = (weight * np.abs(plane) ** 2).sum(1)[:, None]
     return residual_share(product, spread, size)
+
+
+Residuals = Callable[[Float[np.ndarray, "D 2 3"]], Float[np.ndarray, "D T"]]
+
+
+def matched_residuals(poses: Float[np.ndarray, "T J 3"], keypoints: Keypoints2D) -> Residuals:
+    """A function of directions: `pose_residuals` of each frame's keypoints and its own pose."""
+    share = keypoints.weight / np.maximum(keypoints.weight.sum(1, keepdims=True), 1e-12)
+    given = np.where(keypoints.weight[..., None] > 0, keypoints.xy_px, 0.0)
+    x, p = (q - share[:, None] @ q for q in (given, poses))
+    weighted = share[..., None] * p
+    cross, moment = ((weighted.mT @ q).reshape(len(p), -1).T.copy() for q in (x, p))
+    size = (share[..., None] * x**2).sum((1, 2))
+
+    def residuals(axes: Float[np.ndarray, "D 2 3"]) -> Float[np.ndarray, "D T"]:
+        product = axes.mT.reshape(-1, 6) @ cross
+        spread = (axes.mT @ axes).reshape(-1, 9) @ moment
+        return residual_share(product, spread, size)
+
+    return residuals
 
 
 def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:

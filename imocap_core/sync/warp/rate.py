@@ -263,7 +263,7 @@ def log_playback_rates(
     each is compared with a few."""
     M = len(poses)
     among = range(M) if M <= 2 * _MOST_COMPARED else _thinned_to(M, _MOST_COMPARED)
-    coarse = [_thinned(len(x)) for x in poses]
+    coarse = [_thinned_to(len(x), COARSE_FRAMES) for x in poses]
     log_rates, precision = np.zeros((M, M)), np.zeros((M, M))
     for i in range(M):
         for j in range(i + 1, M):
@@ -284,12 +284,8 @@ def log_playback_rates(
     return _per_video(log_rates, precision)
 
 
-def _thinned(frames: int) -> np.ndarray:
-    """At most COARSE_FRAMES evenly spaced frames."""
-    return _thinned_to(frames, COARSE_FRAMES)
-
-
 def _thinned_to(count: int, most: int) -> np.ndarray:
+    """At most so many evenly spaced numbers below the count."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
