@@ -31,7 +31,7 @@ from imocap_core.figures.style import rgb_of, write_strip
 from imocap_core.figures.sync_summary import common_moments
 from imocap_core.io.video import write_h264
 from imocap_core.lock_step import RGB, Image, lock_step, source_frames
-from imocap_core.render import paint_mesh
+from imocap_core.render import draw_mesh
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
 
@@ -117,8 +117,9 @@ class Painter:
         P_px = move @ overlay.P_px[t]
         if overlay.lens is not None:
             body = overlay.lens.bent(body, overlay.P_px[t])
-        drawn = paint_mesh(
-            picture, body, self._faces, P_px, self._rgb, alpha=self._alpha, light=LIGHT
+        eye, zero = np.eye(3), np.zeros(3)
+        drawn = draw_mesh(
+            picture, body, self._faces, self._rgb, P_px, eye, zero, alpha=self._alpha, light=LIGHT
         )
         if overlay.file is not None:
             return drawn

@@ -1,24 +1,15 @@
-"""Mesh rendering: a z-buffer and a painter's algorithm, shading, blending over a frame.
+"""Mesh rendering: rasterisation with a z-buffer, shading, blending over a frame; views of a body.
 
-Triangle rasterisation: a z-buffer. Every triangle proposes the pixel centres in its bounding box,
-one after another in a compiled loop.
-
-Painter's algorithm: fast mesh rendering over video frames, far faces first. It needs no depth per
-pixel, so its cost depends on the number of faces and hardly on the size of the picture.
-Intersecting faces are drawn wrongly; those of a body are a few pixels large, so that this is not
-visible. `draw_mesh` is exact, and several times slower.
+Every triangle proposes the pixel centres in its bounding box, one after another in a compiled loop.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
-from itertools import repeat
 from typing import NamedTuple
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from imocap_core.workers import compiled
 
@@ -36,12 +27,6 @@ class Light:
     ambient: float = 0.35
     diffuse: float = 0.5
     sky: float = 0.25
-
-    def intensity(self, normals: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "..."]:
-        """Brightness factor of surfaces with unit normals."""
-        lamp = np.clip(normals @ np.asarray(self.towards_lamp), 0.0, None)
-        above = 0.5 + 0.5 * (normals @ np.asarray(self.up))
-        return self.ambient + self.diffuse * lamp + self.sky * above
 
 
 def vertex_normals(
@@ -64,17 +49,16 @@ NEAR_M = 0.05
 _EDGE = -1e-9  # barycentric tolerance, so that a pixel centre on a shared edge is covered
 
 
-class Fragments(NamedTuple):
-    """The visible surface, one entry per covered pixel.
+class Visible(NamedTuple):
+    """What is visible at each of N pixels, row by row.
 
-    pixel: flat index, row * width + column. face: index into the faces. weight: barycentric weights
-    of that face's corners, in the image plane. depth: metres.
+    face: index into the faces, -1 of none. closeness: 1 / depth, 1/m; 0 of none. planes: of each
+    face, see `_planes`.
     """
 
-    pixel: Int[np.ndarray, " N"]
     face: Int[np.ndarray, " N"]
-    weight: Float[np.ndarray, "N 3"]
-    depth: Float[np.ndarray, " N"]
+    closeness: Float[np.ndarray, " N"]
+    planes: Float[np.ndarray, "2 3 F"]
 
 
 def rasterize(
@@ -82,7 +66,7 @@ def rasterize(
     depth: Float[np.ndarray, " V"],
     faces: Int[np.ndarray, "F 3"],
     size: tuple[int, int],
-) -> Fragments:
+) -> Visible:
     """The nearest triangle at every pixel centre of an image.
 
     Args:
@@ -97,31 +81,30 @@ def rasterize(
     (left, right), (top, bottom) = map(_pixels_between, corners, size)
     boxes = np.stack([left, right, top, bottom])
     closeness = 1.0 / depth[faces[front]]  # 1/depth is what is linear in the image
+    planes = np.zeros((2, 3, len(faces)))
+    planes[:, :, front] = _planes(corners)
     nearest, owner = np.zeros(width * height), np.full(width * height, -1)
-    weights = np.empty((width * height, 3))
-    _fill_nearest(boxes, np.array(_planes(corners)), closeness, width, nearest, owner, weights)
-    covered = np.flatnonzero(owner >= 0)
-    return Fragments(covered, front[owner[covered]], weights[covered], 1.0 / nearest[covered])
+    _fill_nearest(boxes, planes, closeness, front, width, nearest, owner)
+    return Visible(owner, nearest, planes)
 
 
 @compiled
-def _fill_nearest(boxes, planes, closeness, width, nearest, owner, weights):  # type: ignore[no-untyped-def]
-    """The nearest triangle's 1/depth, index and weights at the pixels, in place; of equally near
-    ones the last."""
-    for k in range(len(closeness)):
+def _fill_nearest(boxes, planes, closeness, front, width, nearest, owner):  # type: ignore[no-untyped-def]
+    """The nearest triangle's 1/depth and index at the pixels, in place; of equally near ones the
+    last."""
+    for k in range(len(front)):
         left, right, top, bottom = boxes[:, k]
+        (x1, y1, o1), (x2, y2, o2) = planes[0, :, front[k]], planes[1, :, front[k]]
         for y in range(top, bottom + 1):
             for x in range(left, right + 1):
-                w1 = (planes[0, 0, k] * x + planes[0, 1, k] * y) + planes[0, 2, k]
-                w2 = (planes[1, 0, k] * x + planes[1, 1, k] * y) + planes[1, 2, k]
+                w1, w2 = (x1 * x + y1 * y) + o1, (x2 * x + y2 * y) + o2
                 w0 = 1.0 - w1 - w2
                 if w0 < _EDGE or w1 < _EDGE or w2 < _EDGE:
                     continue
                 near = w0 * closeness[k, 0] + w1 * closeness[k, 1] + w2 * closeness[k, 2]
                 pixel = y * width + x
                 if near >= nearest[pixel]:
-                    nearest[pixel], owner[pixel] = near, k
-                    weights[pixel, 0], weights[pixel, 1], weights[pixel, 2] = w0, w1, w2
+                    nearest[pixel], owner[pixel] = near, front[k]
 
 
 def _front_faces(
@@ -185,16 +168,18 @@ def draw_mesh(
     Args:
         vertices: in the world, metres. faces: counter-clockwise from outside.
         face_colors: (F, 3) or (3,) in 0..255, in the image's channel order.
-        K, R_cam_from_world, t: the camera, x_cam = R_cam_from_world @ x_world + t.
+        K, R_cam_from_world, t: the camera, x_cam = R_cam_from_world @ x_world + t; H @ K where the
+            picture is warped by the homography H.
         alpha: opacity, 1 hides the picture behind.
-        supersample: samples per pixel and axis.
+        light: in the axes of the vertices. supersample: samples per pixel and axis.
 
-    A mesh out of view changes nothing.
+    A mesh out of view changes nothing. ValueError when alpha is not in 0..1.
     """
-    in_camera = vertices @ R_cam_from_world.T + t
-    depth = in_camera[:, 2]
+    if not 0.0 <= alpha <= 1.0:
+        raise ValueError(f"alpha: expected a share from 0 to 1, got {alpha}")
+    homogeneous = (vertices @ R_cam_from_world.T + t) @ K.T
+    depth = homogeneous[:, 2]
     ahead = depth > NEAR_M
-    homogeneous = in_camera @ K.T
     xy_px = homogeneous[:, :2] / np.where(ahead, depth, 1.0)[:, None]
     window = _window(xy_px[ahead], (image.shape[1], image.shape[0]))
     if window is None:
@@ -203,16 +188,30 @@ def draw_mesh(
     size = ((x1 - x0) * supersample, (y1 - y0) * supersample)
     # the centre of fine pixel i is at (i + 0.5) / supersample - 0.5 in coarse pixels
     fine_px = (xy_px - (x0, y0) + 0.5) * supersample - 0.5
-    fragments = rasterize(fine_px, depth, faces, size)
-    normals = vertex_normals(vertices, faces)
-    paint = _paint(fragments, normals, faces, face_colors, light or Light(), size)
-    coarse = cv2.resize(paint, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
+    surface, light = rasterize(fine_px, depth, faces, size), light or Light()
+    colors = np.broadcast_to(np.asarray(face_colors, float), (len(faces), 3))
+    shares = light.ambient, light.diffuse, light.sky
+    lamps = np.array([light.towards_lamp, light.up, shares], float)
+    normals = vertex_normals(vertices, faces).astype(float)
+    paint = np.zeros((y1 - y0, x1 - x0, 4), np.float32)
+    shading = normals, np.ascontiguousarray(colors), lamps
+    on_faces = surface.face, surface.planes, faces.astype(np.int64)
+    _shade(*on_faces, *shading, supersample, paint)
     drawn = image.copy()
-    behind = drawn[y0:y1, x0:x1].astype(np.float32)
-    front, coverage = coarse[:, :, :3], alpha * coarse[:, :, 3:]
-    blended = behind * (1.0 - coverage) + alpha * front
-    drawn[y0:y1, x0:x1] = np.clip(np.rint(blended), 0, 255).astype(np.uint8)
+    _blend(paint, np.float32(alpha), drawn, x0, y0)
     return drawn
+
+
+@compiled
+def _blend(paint, alpha, picture, x0, y0):  # type: ignore[no-untyped-def]
+    """Premultiplied colours over a picture from its pixel (x0, y0) on, in place."""
+    for y in range(paint.shape[0]):
+        for x in range(paint.shape[1]):
+            behind = np.float32(1.0) - alpha * paint[y, x, 3]
+            for channel in range(3):
+                under = picture[y0 + y, x0 + x, channel]
+                mixed = under * behind + alpha * paint[y, x, channel]
+                picture[y0 + y, x0 + x, channel] = np.uint8(min(max(np.rint(mixed), 0.0), 255.0))
 
 
 def _window(
@@ -228,128 +227,34 @@ def _window(
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
 
-def _paint(
-    fragments: Fragments,
-    normals: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    face_colors: Float[np.ndarray, "... 3"],
-    light: Light,
-    size: tuple[int, int],
-) -> Float32[np.ndarray, "H W 4"]:
-    """Colours premultiplied by coverage, and coverage."""
-    first, second, third = np.ascontiguousarray(faces.T).take(fragments.face, axis=1)
-    w0, w1, w2 = np.ascontiguousarray(fragments.weight.T)
-    axes = np.ascontiguousarray(normals.T)
-    normal = np.stack([w0 * n[first] + w1 * n[second] + w2 * n[third] for n in axes], axis=1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-    colors = face_colors if face_colors.ndim == 1 else face_colors[fragments.face]
-    paint = np.zeros((size[0] * size[1], 4), np.float32)
-    paint[fragments.pixel, :3] = np.clip(colors * light.intensity(normal)[:, None], 0, 255)
-    paint[fragments.pixel, 3] = 1.0
-    return paint.reshape(size[1], size[0], 4)
-
-
-_TONES = 96  # shades of the colour, in invisibly small steps
-_BRIGHTEST = 1.35
-_FRACTION_BITS = 4  # of the corners' positions
-_WIDEST_BLUR_PX = 11  # hides the steps between faces, which have one shade each
-
-
-def paint_mesh(
-    image: UInt8[np.ndarray, "H W 3"],
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    P_px: Float[np.ndarray, "3 3"],
-    rgb: Float[np.ndarray, "3"],
-    *,
-    alpha: float = 1.0,
-    light: Light | None = None,
-    supersample: int = 2,
-) -> UInt8[np.ndarray, "H W 3"]:
-    """A shaded, antialiased mesh of one colour over a copy of `image`.
-
-    Args:
-        vertices: in camera axes, metres. faces: counter-clockwise from outside.
-        P_px: K, or H @ K where the picture is warped by the homography H: P_px @ x =
-            depth * (x_px, y_px, 1), with the centre of the first pixel at (0, 0).
-        rgb: colour in 0..255. alpha: opacity, 1 hides the picture behind.
-        light: in the axes of the vertices. supersample: samples per pixel and axis.
-
-    Faces nearer than NEAR_M are left out. ValueError when alpha is not in 0..1.
-    """
-    if not 0.0 <= alpha <= 1.0:
-        raise ValueError(f"alpha: expected a share from 0 to 1, got {alpha}")
-    homogeneous = vertices @ P_px.T
-    depth = homogeneous[:, 2]
-    ahead = depth > NEAR_M
-    xy_px = homogeneous[:, :2] / np.where(ahead, depth, 1.0)[:, None]
-    box = _window(xy_px[ahead], (image.shape[1], image.shape[0]))
-    if box is None:
-        return image.copy()
-    x0, y0, x1, y1 = box
-    fine = (xy_px - (x0, y0) + 0.5) * supersample - 0.5
-    shown = _far_to_near(fine, depth, faces, ahead)
-    tone = _tones(vertices, faces[shown], light or Light())
-    size = ((x1 - x0) * supersample, (y1 - y0) * supersample)
-    paint = _fill(fine[faces[shown]], tone, rgb, size)
-    coarse = cv2.resize(paint, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
-    front = _smoothed(np.asarray(coarse, np.uint8), xy_px[faces[shown]])
-    drawn = image.copy()
-    share = alpha / 255.0 * coarse[:, :, 3].astype(np.float32)
-    behind = np.ascontiguousarray(drawn[y0:y1, x0:x1])
-    drawn[y0:y1, x0:x1] = cv2.blendLinear(behind, front, 1.0 - share, share)
-    return drawn
-
-
-def _far_to_near(
-    xy: Float[np.ndarray, "V 2"],
-    depth: Float[np.ndarray, " V"],
-    faces: Int[np.ndarray, "F 3"],
-    ahead: Bool[np.ndarray, " V"],
-) -> Int[np.ndarray, " N"]:
-    """Indices of the front faces, the farthest first."""
-    area = _doubled_areas(*(axis[faces].T for axis in xy.T))
-    front = np.flatnonzero((area < 0) & ahead[faces].all(axis=1))
-    return front[np.argsort(-depth[faces[front]].sum(axis=1))]
-
-
-def _tones(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], light: Light
-) -> Int[np.ndarray, " F"]:
-    """Brightness of each face, the mean of its corners', as a step of 0 to _TONES - 1."""
-    corners = light.intensity(vertex_normals(vertices, faces))
-    share = np.clip(corners[faces].mean(axis=1) / _BRIGHTEST, 0.0, 1.0)
-    return np.rint(share * (_TONES - 1)).astype(np.int64)
-
-
-def _fill(
-    triangles: Float[np.ndarray, "N 3 2"],
-    tone: Int[np.ndarray, " N"],
-    rgb: Float[np.ndarray, "3"],
-    size: tuple[int, int],
-) -> UInt8[np.ndarray, "H W 4"]:
-    """Colour and coverage of triangles painted one after another."""
-    shades = np.clip(np.linspace(0, _BRIGHTEST, _TONES)[:, None] * rgb, 0, 255)
-    table = [(*shade, 255.0) for shade in shades.tolist()]
-    corners = np.rint(triangles * 2**_FRACTION_BITS).astype(np.int32)
-    colors = map(table.__getitem__, tone.tolist())
-    paint = np.zeros((size[1], size[0], 4), np.uint8)
-    fixed = repeat(cv2.LINE_8), repeat(_FRACTION_BITS)
-    deque(map(cv2.fillConvexPoly, repeat(paint), corners, colors, *fixed), maxlen=0)
-    return paint
-
-
-def _smoothed(
-    paint: UInt8[np.ndarray, "H W 4"], triangles_px: Float[np.ndarray, "N 3 2"]
-) -> UInt8[np.ndarray, "H W 3"]:
-    """The colours of premultiplied paint, averaged over about the size of a face."""
-    side = 1
-    if len(triangles_px):
-        edges_px = np.abs(triangles_px[:, 1] - triangles_px[:, 0]).max(axis=1)
-        side = int(min(2 * round(float(np.median(edges_px)) / 2) + 1, _WIDEST_BLUR_PX))
-    blurred = cv2.blur(paint, (side, side), borderType=cv2.BORDER_CONSTANT) if side > 1 else paint
-    *colors, coverage = cv2.split(blurred)
-    return np.asarray(cv2.merge([cv2.divide(c, coverage, scale=255.0) for c in colors]), np.uint8)
+@compiled
+def _shade(  # type: ignore[no-untyped-def]
+    visible, planes, faces, normals, colors, lamps, supersample, paint
+):
+    """Colours times the brightness of the interpolated normals in the `Light`, and coverage, means
+    of `supersample`^2 samples, added to paint (height, width, 4)."""
+    (ambient, diffuse, sky), part = lamps[2], 1.0 / supersample**2
+    width = paint.shape[1] * supersample
+    for pixel in range(len(visible)):
+        face, row, column = visible[pixel], pixel // width, pixel % width
+        if face < 0:
+            continue
+        plane = planes[:, :, face]
+        w1 = (plane[0, 0] * column + plane[0, 1] * row) + plane[0, 2]
+        w2 = (plane[1, 0] * column + plane[1, 1] * row) + plane[1, 2]
+        x, y, z = 0.0, 0.0, 0.0
+        for share, vertex in zip((1.0 - w1 - w2, w1, w2), faces[face]):  # noqa: B905
+            x += share * normals[vertex, 0]
+            y += share * normals[vertex, 1]
+            z += share * normals[vertex, 2]
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-9)
+        lamp = (lamps[0, 0] * x + lamps[0, 1] * y + lamps[0, 2] * z) / length
+        above = (lamps[1, 0] * x + lamps[1, 1] * y + lamps[1, 2] * z) / length
+        brightness = ambient + diffuse * max(lamp, 0.0) + sky * (0.5 + 0.5 * above)
+        of_pixel = paint[row // supersample, column // supersample]
+        for channel in range(3):
+            of_pixel[channel] += part * min(max(colors[face, channel] * brightness, 0.0), 255.0)
+        of_pixel[3] += part
 
 
 VIEWS = ("front", "side", "back")

@@ -87,6 +87,11 @@ class DistanceMatrix:
     least_square: float
     change: list[Float[np.ndarray, "_T"]]
 
+    @property
+    def moving(self) -> list[Float[np.ndarray, "_T"]]:
+        """Weight of each frame by how much its pose changes: 0 standing still, 1 moving."""
+        return [np.asarray(-np.expm1(-change / self.matched_square)) for change in self.change]
+
     def block(self, i: int, j: int) -> Float[np.ndarray, "N_i N_j"]:
         """Squared distances of every n-th frame of video i to every n-th of video j (a view), with
         n as of `stride`; NaN within one video."""

@@ -36,7 +36,6 @@ from imocap_core.sync.maps import BlockMaps
 from imocap_core.sync.reference import (
     chosen_reference,
     compared_pairs,
-    coverage,
     hard_anchor_maps,
     hubs_of,
     through_hard_anchors,
@@ -51,6 +50,7 @@ from imocap_core.sync.time_axis import (
     inside,
     left_out_disagreement,
     pace_spread,
+    shown_motion,
 )
 from imocap_core.sync.warp.dtw import dtw_warps
 from imocap_core.sync.warp.soft_maps import Clocks
@@ -128,7 +128,6 @@ def synchronise_jointly(
         whole=bool(hints.anchors),
     )
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
-    blocks = distances.blocks
     affinity = affinities(distances)
     hubs = hubs_of(distances, eligible, videos.reference)
     compared = compared_pairs(distances, clocks, params, hubs)
@@ -136,12 +135,13 @@ def synchronise_jointly(
     of_hubs = np.where(np.isin(np.arange(len(lengths)), hubs), centralities, -1.0)
     chosen = videos.reference
     if chosen is None:
-        pace = pace_spread(pairs, lengths, clocks)
-        chosen = chosen_reference(of_hubs, pace, coverage(matched, blocks), eligible)
+        spread = pace_spread(pairs, lengths, clocks)
+        shown = shown_motion(pairs, distances.moving, clocks)
+        chosen = chosen_reference(of_hubs, spread, shown, eligible)
 
     evidence = compared.soft_maps
     if params.warp == "dtw":
-        evidence = BlockMaps.of(affinity_matrix(distances), blocks)
+        evidence = BlockMaps.of(affinity_matrix(distances), distances.blocks)
     distances = distances.with_squares_of(chosen)
     relaxed, report = relax(params.method, evidence, rounds=params.rounds, rng=rng)
     if params.warp == "posterior":

@@ -3,12 +3,11 @@
 Of many videos each is compared with a few central ones, the hubs, alone, so that time grows with
 the videos and not with their pairs. One of the hubs is the reference.
 
-The reference video: of the central ones, to which the frames of the others are most similar, the
-one that shows most of them; of several that do, the one that goes most steadily through the action.
-Centralities of good videos lie close together, and noise decides between them; how much of the
-others a video shows it leaves alone. Of good videos any may be the reference (docs/sync.md); the
-loop chooses by joint motions, in which wrong monocular ones have been put right
-(docs/decisions.md).
+The reference video: of the central ones, to which the frames of the others are most similar, and
+which lack nothing of their motion, the one that goes most steadily through the action. Centralities
+of good videos lie close together, and noise decides between them. Of good videos any may be the
+reference (docs/sync.md); the loop chooses by joint motions, in which wrong monocular ones have been
+put right (docs/decisions.md).
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ from imocap_core.sync.anchors import (
     led_through,
     square_per_nat,
 )
-from imocap_core.sync.maps import BandedMap, BlockMaps, Blocks
+from imocap_core.sync.maps import BandedMap, BlockMaps
 from imocap_core.sync.time_axis import HARD_WEIGHT, PairMaps, WeightedMap, map_of_pair
 from imocap_core.sync.warp.soft_maps import Clocks, pairwise_soft_map
 from imocap_core.sync.warp.template import NearbySquares
 
 NEAR = 0.8  # of the largest centrality: harmless changes move one against another by a tenth
-EQUAL = 0.01  # difference of coverages that are the same
+LACKING = 0.2  # of the others' motion, more than another video: repetitions, for example
 STEADY = 0.05  # difference of pace spreads that are the same
 
 
@@ -63,35 +62,23 @@ def mean_similarity(
     return float(np.mean(matched * similarity))
 
 
-def coverage(matched: Float[np.ndarray, "N_a M"], blocks: Blocks) -> Float[np.ndarray, " M"]:
-    """Share of the other videos' frames that have a counterpart in each video, mean over videos.
-
-    Args:
-        matched: P(frame has a counterpart in a video).
-    """
-    M = len(blocks.lengths)
-    share = np.array([matched[blocks.rows(u)].mean(axis=0) for u in range(M)])
-    np.fill_diagonal(share, 0.0)
-    return np.asarray(share.sum(axis=0) / max(M - 1, 1))
-
-
 def chosen_reference(
     centralities: Float[np.ndarray, " M"],
     pace_spreads: Float[np.ndarray, " M"],
-    coverages: Float[np.ndarray, " M"],
+    shown: Float[np.ndarray, " M"],
     eligible: Sequence[bool] | Bool[np.ndarray, " M"],
 ) -> int:
-    """Index of the video that shows most of the others, among those whose centrality is within NEAR
-    of the largest; of several, the one of steadiest pace, and then the most central.
+    """Index of the video of steadiest pace, and then the most central, among those whose centrality
+    is within NEAR of the largest and that show as much of the others' motion as any.
 
     Args:
-        pace_spreads: see `pace_spread`.
+        pace_spreads, shown: see `pace_spread` and `shown_motion`.
         eligible: the videos to choose from; all, if none is.
     """
     able = np.array(eligible) if any(eligible) else np.ones(len(centralities), dtype=bool)
     central = able & (centralities >= NEAR * centralities[able].max())
-    covering = central & (coverages >= coverages[central].max() - EQUAL)
-    steady = covering & (pace_spreads <= pace_spreads[covering].min() + STEADY)
+    showing = central & (shown >= shown[central].max() - LACKING)
+    steady = showing & (pace_spreads <= pace_spreads[showing].min() + STEADY)
     return int(np.argmax(np.where(steady, centralities, -1.0)))
 
 

@@ -305,6 +305,37 @@ def _solved(
 
 
 WINDOW_S = 0.3  # of the action: over which a pace is measured
+_SLOWEST = 3.0  # pace of one video in another; performances of one action differ by less
+
+
+def shown_motion(
+    pairs: PairMaps, moving: Sequence[Float[np.ndarray, "_T"]], clocks: Clocks
+) -> Float[np.ndarray, " M"]:
+    """Share of the other videos' motion that goes on in each video as well, mean over videos.
+
+    Repetitions that a video lacks are matched to moments where it stands still or creeps.
+
+    Args:
+        moving: weight of each frame by how much its pose changes.
+    """
+    M, fps = len(moving), clocks.action_fps
+    share = np.zeros((M, M))
+    for i, j in pairs.positions:
+        pace = _pace_in(pairs, (i, j), len(moving[j]), fps[i])
+        middle = moving[i][(len(moving[i]) - len(pace)) // 2 :][: len(pace)]
+        goes_on = pace > fps[j] / fps[i] / _SLOWEST
+        share[i, j] = float(middle @ goes_on) / max(float(middle.sum()), 1e-9)
+    return np.asarray(share.sum(axis=0) / max(M - 1, 1))
+
+
+def _pace_in(
+    pairs: PairMaps, pair: tuple[int, int], length: int, fps: float
+) -> Float[np.ndarray, " _P"]:
+    """Frames of the second video per frame of the first, over windows of `WINDOW_S`; NaN where it
+    does not show them, or at its ends."""
+    position, steps = pairs.positions[pair], max(1, round(WINDOW_S * fps))
+    shown = np.where(inside(np.nan_to_num(position), length), position, np.nan)
+    return np.asarray((shown[steps:] - shown[:-steps]) / steps)
 
 
 def pace_spread(pairs: PairMaps, lengths: Sequence[int], clocks: Clocks) -> Float[np.ndarray, " M"]:
@@ -332,10 +363,9 @@ def _pace_variance(
     little."""
     variances = []
     for i, j in (pair, pair[::-1]):
-        position, steps = pairs.positions[i, j], max(1, round(WINDOW_S * clocks.action_fps[i]))
-        shown = np.where(inside(np.nan_to_num(position), lengths[j]), position, np.nan)
-        pace = shown[steps:] - shown[:-steps]
+        pace = _pace_in(pairs, (i, j), lengths[j], clocks.action_fps[i])
+        several = len(pairs.positions[i, j]) - len(pace)
         pace = pace[np.isfinite(pace)]
-        if len(pace) > steps and pace.mean() > 0:
+        if len(pace) > several and pace.mean() > 0:
             variances.append(float(np.var(pace / pace.mean())))
     return float(np.mean(variances)) if variances else np.nan
