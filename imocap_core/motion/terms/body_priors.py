@@ -242,7 +242,7 @@ class FocalPrior(OneForAll):
         normal.corner_gradient[:, columns] += self.weight * (state.log_focal - self.assumed)
 
 
-_UP_SIGMAS, _UP_ROUNDS = 3.0, 5  # Geman-McClure scale: a video's up may be wrong altogether
+_UP_SIGMAS, _UP_ROUNDS = 12.0, 5  # Geman-McClure scale: a video's up may be upside down
 
 
 @dataclass(frozen=True)
