@@ -231,9 +231,7 @@ def fit_with_cameras(
         return smpl_ba.solve_jointly(scene, start, options)
     scene = replace(scene, fit=replace(scene.fit, size_prior=scene.fit.shape_prior))
     state = shared_shapes(start, scene.performers)
-    single = options.objective == "single"
-    fit = smpl_ba.one_motion if single else smpl_ba.common_then_deviations
-    return fit(scene, state, cameras, options, cameras_known=True)
+    return smpl_ba.common_then_deviations(scene, state, cameras, options, cameras_known=True)
 
 
 def true_sync(estimated: SyncSummary, truth: Truth) -> SyncSummary:

@@ -20,7 +20,7 @@ from imocap_core.motion.event_clock import Clock, clock_of
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, mean_change
 from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
-from imocap_core.motion.multiview.smpl_ba import one_motion
+from imocap_core.motion.multiview.smpl_ba import common_then_deviations
 from imocap_core.motion.observations import Observation
 
 MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
@@ -105,8 +105,8 @@ def calibrated_round(
     cameras = Cameras(R, t, K)
     straight = replace(scene, observations=_undistorted(scene.observations, rig))
     scene = with_sides_of_others(straight.with_intrinsics(cameras), motion.state, cameras)
-    options = replace(problem.options, objective="single")
-    again = one_motion(scene, motion.state, cameras, options, progress, cameras_known=True)
+    begun = scene, motion.state, cameras, replace(problem.options, objective="single"), progress
+    again = common_then_deviations(*begun, cameras_known=True)
     before, after = ([m.reference_frame for m in x.maps] for x in (first.sync, sync))
     change = mean_change(before, after)
     status = f"the cameras are calibrated from the event: {solved.status}"

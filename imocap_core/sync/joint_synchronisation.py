@@ -73,7 +73,7 @@ class SyncResult:
         phase_confidence: per video, in [0, 1], that another video shows the same moment.
         affinity: Eq. 1, for pictures.
         relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
-        centrality: of each video; by it and by coverage the reference was chosen, unless given.
+        centrality: of each video, by which the reference was chosen, among others, unless given.
         matched_square: squared distance typical of matching frames.
         cycle: outcome of the cycle-consistency method.
         cycle_residuals: of the pairwise maps, for every three videos.

@@ -1,5 +1,4 @@
-"""SMPL-BA on made scenes: cameras, focal lengths and motion come back, and differences are
-respected."""
+"""SMPL-BA on made scenes: cameras, focal lengths and motion come back, differences are kept."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +11,8 @@ import torch
 from imocap_core.camera.averaging import angle_deg
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.motion_posterior import motion_posterior
-from imocap_core.motion.multiview.common_motion import misfit, spread_beyond_noise_m, unknowns_of
+from imocap_core.motion.multiview.common_motion import misfit, unknowns_of
+from imocap_core.motion.multiview.modes import lasting_m, spread_beyond_noise_m
 from imocap_core.motion.multiview.per_video import joint_spread_rad
 from imocap_core.motion.multiview.scene import (
     JointMotion,
@@ -35,7 +35,6 @@ OPTIONS = MotionParams(
     objective="shared", rank=1, rounds=2, coupling_rad=0.1, coupling_path_m=0.3,
     correlation_s=0.25, max_steps=10,
 )  # fmt: skip
-
 
 OTHERS = [pytest.param(objective, marks=pytest.mark.long) for objective in ("paper", "single")]
 
@@ -188,13 +187,9 @@ def test_unmatched_frames_get_a_pose_too(made: Made) -> None:
 
 def test_one_video_keeps_its_monocular_motion(made: Made) -> None:
     alone = in_own_axes(made).rows(torch.tensor([0]))
-    maps = [np.arange(float(FRAMES))]
-    one = replace(
-        whole(made),
-        observations=made.observations[:1],
-        timeline=make_timeline(maps, [np.ones(FRAMES)], FRAMES),
-        confidences=[np.ones(FRAMES)],
-    )
+    maps, trust = [np.arange(float(FRAMES))], [np.ones(FRAMES)]
+    timeline, own = make_timeline(maps, trust, FRAMES), made.observations[:1]
+    one = replace(whole(made), observations=own, timeline=timeline, confidences=trust)
     found = solve_jointly(one, alone, OPTIONS)
     assert found.state is alone
     assert "one video" in found.status
@@ -217,18 +212,20 @@ def test_spread_is_read_from_the_excess_over_detector_noise() -> None:
     px = np.hypot(sigma, spread_m * focal / depth)
     errors = rng.normal(0, px, (4, 400, 25, 2))
     errors[:, :, 3] = np.nan
-    found = spread_beyond_noise_m(
-        errors, np.full((4, 400), sigma), np.full((4, 400), depth), np.full(4, focal), window=60
-    )
+    views = np.full((4, 400), sigma), np.full((4, 400), depth), np.full(4, focal)
+    found, quiet = (spread_beyond_noise_m(e, *views, window=60) for e in (errors, errors / 20))
     assert np.median(found) == pytest.approx(spread_m * np.sqrt(4 / 3), rel=0.1)
-    quiet = spread_beyond_noise_m(
-        errors / 20,
-        np.full((4, 400), sigma),
-        np.full((4, 400), depth),
-        np.full(4, focal),
-        window=60,
-    )
     assert np.nanmax(quiet) == 0.0
+
+
+def test_what_lasts_is_told_from_what_passes_and_from_what_all_keypoints_share() -> None:
+    passing = 30 * np.sin(np.arange(100.0) * 2 * np.pi / 50)
+    errors = np.tile(passing[None, :, None, None], (2, 1, 9, 2)) + 3.0  # pixels
+    errors[1, :, 4] += 27.0  # an arm that is held elsewhere throughout
+    errors[:, :, 8] = np.nan
+    expected = 0.02 * 99**0.5 * (np.arange(18).reshape(2, 1, 9) == 13)
+    found = lasting_m(errors, np.full((2, 100), 4.0), np.full(2, 600.0))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def test_a_still_performance_is_coupled_tightly(made: Made) -> None:

@@ -5,9 +5,10 @@ them. Poses, shape, cameras and unknown focal lengths are unknowns of one system
 far each performance deviates is estimated anew, and its keypoints count accordingly.
 
 A focal length shows in how a body's near and far parts differ in size, and in how its size changes
-along a path that the other videos see from elsewhere. Performances that differ change both for as
-long as the action lasts, so against the prior the focal likelihood counts once per action. They
-tilt cameras too, which `terms.body_priors.LevelCameras` keeps near the up of each video alone.
+along a path that the other videos see from elsewhere. Performances that differ throughout change
+both, so against the prior the focal likelihood counts once per action. They tilt cameras and bodies
+too: `terms.body_priors.LevelCameras` keeps cameras near the up of each video alone, and keypoints
+that are elsewhere throughout (`modes.lasting_m`) count less from the start.
 
 A performance's per-frame rigid offset (`terms.view`) has six standard deviations a video, by
 expectation maximisation: given these, every frame's offset has a posterior; given the posteriors,
@@ -27,7 +28,7 @@ from torch import Tensor
 
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
 from imocap_core.motion.monocular.fit import Progress, regularisers
-from imocap_core.motion.multiview.modes import mode_shifts
+from imocap_core.motion.multiview.modes import lasting_m, mode_shifts, spread_beyond_noise_m
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
     Cameras,
@@ -45,7 +46,7 @@ from imocap_core.motion.terms import FocalPrior, JointEvidence, Reprojection, Sc
 from imocap_core.motion.terms.body_priors import LevelCameras
 from imocap_core.motion.terms.view import project, with_focal
 from imocap_core.params import MotionParams
-from imocap_core.robust import finite_median, geman_mcclure
+from imocap_core.robust import geman_mcclure
 from imocap_core.sync.warp.template import OFFSET_FLOOR, OFFSET_START
 from imocap_core.workers import serial_map, thread_map
 
@@ -227,9 +228,6 @@ def _mean_square(offset: Tensor, covariance: Tensor) -> Tensor:
     return torch.cat([rotation.expand(3), translation.expand(3)])
 
 
-UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
-
-
 def keypoint_spread_m(
     views: CommonViews, motion: MotionState, fps: float
 ) -> Float[np.ndarray, "M N K"]:
@@ -250,38 +248,6 @@ def with_keypoint_spread(
     sigma2 = keypoints.sigma_px[..., None] ** 2
     weight = keypoints.weight * sigma2 / (sigma2 + spread_px**2)
     return replace(views, keypoints=replace(keypoints, weight=weight))
-
-
-def spread_beyond_noise_m(
-    errors_px: Float[np.ndarray, "M N K 2"],
-    sigma_px: Float[np.ndarray, "M N"],
-    depth_m: Float[np.ndarray, "M N"],
-    focal_px: Float[np.ndarray, " M"],
-    *,
-    window: int,
-) -> Float[np.ndarray, "M N K"]:
-    """Standard deviation per coordinate, metres, of what detector noise does not explain.
-
-    Args:
-        errors_px: NaN where missing; sigma_px: detector noise.
-        window: frames over which squared errors are pooled (median, so outliers do not count).
-    """
-    squared = (errors_px**2).sum(-1) / 2
-    half = max(1, window // 2)
-    padded = np.pad(squared, ((0, 0), (half, half), (0, 0)), mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
-    usable = np.isfinite(windows).sum(-1) >= 3
-    filled = np.where(usable[..., None], windows, 0.0)
-    # the median of an exponential distribution is ln 2 times its mean
-    pooled = finite_median(filled) / np.log(2)
-    videos = len(errors_px)
-    inflated = pooled * videos / max(videos - 1, 1)
-    excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
-    spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
-    typical = [
-        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, usable, strict=True)
-    ]
-    return np.where(usable, spread, np.array(typical)[:, None, None])
 
 
 ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
@@ -366,14 +332,18 @@ def fit_in_stages(
         keypoints = replace(keypoints, shifts_m=shifts_m)
         start = replace(start, scores=start.trans.new_zeros(1, len(cameras.R), len(shifts_m)))
     final = scene.fit.robust_scale_sigma
-    views = CommonViews(scene.body, keypoints, cameras, final * WIDE)
+    views = CommonViews(scene.body, keypoints, cameras, final)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
     terms += estimate_terms(scene, start.trans, options)
     motion, costs, status, steps = start, list[float](), "", options.max_steps
     spread_m, starts, aligned = np.zeros(keypoints.weight.shape), [start], scene.aligned(state)
+    if not cameras_known:
+        errors, depth = reprojection_errors_px(views, start), root_depths_m(views, start)
+        spread_m += lasting_m(errors, depth, cameras.focal_px)
     if restart:
         progress(f"common motion, robust scale {WIDE:g}x")
-        starts.append(fit_common_motion(views, start, NO_UNKNOWNS, terms, steps)[0])
+        wide = replace(views, robust_scale=final * WIDE)
+        starts.append(fit_common_motion(wide, start, NO_UNKNOWNS, terms, steps)[0])
     for stage in ROBUST_STAGES if restart else ROBUST_STAGES[1:]:
         progress(f"common motion, robust scale {stage:g}x")
         views = replace(views, robust_scale=final * stage)
@@ -418,8 +388,8 @@ def estimate_spread(scene: Scene, motion: MotionState, cameras: Cameras) -> Devi
 def common_problem(
     views: CommonViews, start: MotionState, unknowns: Unknowns
 ) -> tuple[list[Term], MotionState]:
-    """The terms of all views, in two halves that can be worked on at the same time, and the start
-    with its unknown cameras and focal lengths."""
+    """The terms of all views, in halves to be worked on at the same time, and the start with its
+    unknown cameras and focal lengths."""
     cameras = views.cameras
     index = torch.tensor(unknowns.cameras, dtype=torch.long, device=start.trans.device)
     state = replace(

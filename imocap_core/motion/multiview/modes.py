@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 from imocap_core.alignment import procrustes
 from imocap_core.motion.multiview.scene import Cameras, Scene, to_world
 from imocap_core.motion.state import MotionState
-from imocap_core.robust import geman_mcclure_weight
+from imocap_core.robust import finite_median, geman_mcclure_weight
 
 _ROUND_OFF = 1e-9  # singular values below this share of the largest are round-off
 
@@ -155,6 +155,7 @@ def number_of_modes(errors: Float[np.ndarray, " K1"]) -> int:
 
 # Of fewer performances the joint solve learns no modes: a mode takes as many numbers as a motion.
 LEAST_SOLVED = 5
+UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
 ALIGNMENTS, ALIKE_M = 4, 0.03  # in the last ones a keypoint so far off counts a quarter
 
 
@@ -185,3 +186,49 @@ def mode_shifts(
     errors = held_out_errors(shifts[:, :, used > 0], scene.fps, np.random.default_rng(0))
     count = number_of_modes(errors)
     return _at_one(_principal_scores(shifts)[0][:, :count], shifts) if count else None
+
+
+def spread_beyond_noise_m(
+    errors_px: Float[np.ndarray, "M N K 2"],
+    sigma_px: Float[np.ndarray, "M N"],
+    depth_m: Float[np.ndarray, "M N"],
+    focal_px: Float[np.ndarray, " M"],
+    *,
+    window: int,
+) -> Float[np.ndarray, "M N K"]:
+    """Standard deviation per coordinate, metres, of what detector noise does not explain.
+
+    Args:
+        errors_px: NaN where missing; sigma_px: detector noise.
+        window: frames over which squared errors are pooled (median, so outliers do not count).
+    """
+    squared = (errors_px**2).sum(-1) / 2
+    half = max(1, window // 2)
+    padded = np.pad(squared, ((0, 0), (half, half), (0, 0)), mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
+    usable = np.isfinite(windows).sum(-1) >= 3
+    filled = np.where(usable[..., None], windows, 0.0)
+    # the median of an exponential distribution is ln 2 times its mean
+    pooled = finite_median(filled) / np.log(2)
+    inflated = pooled * len(errors_px) / max(len(errors_px) - 1, 1)
+    excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
+    spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
+    typical = [
+        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, usable, strict=True)
+    ]
+    return np.where(usable, spread, np.array(typical)[:, None, None])
+
+
+def lasting_m(
+    errors_px: Float[np.ndarray, "M N K 2"],
+    depth_m: Float[np.ndarray, "M N"],
+    focal_px: Float[np.ndarray, " M"],
+) -> Float[np.ndarray, "M 1 K"]:
+    """How far each keypoint of a view is off for as long as the action lasts, beyond what half of
+    the view's are, per coordinate, metres; 0 where missing (NaN)."""
+    errors = errors_px * (depth_m / focal_px[:, None])[..., None, None]
+    detected = np.isfinite(errors)
+    mean = np.where(detected, errors, 0.0).sum(1) / np.maximum(detected.sum(1), 1)
+    square = np.where(detected.any((1, 3)), (mean**2).sum(-1) / 2, np.nan)
+    beyond = np.nan_to_num(square - finite_median(square)[:, None])
+    return np.asarray(np.sqrt(beyond.clip(min=0.0))[:, None])

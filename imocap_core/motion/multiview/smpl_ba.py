@@ -132,8 +132,8 @@ def solve_jointly(
         return alternated(scene, start, options, progress)
     if options.objective == "shared":
         return recover_motion(scene, start, options, progress, cameras=cameras, restart=restart)
-    restart = restart or cameras is None
-    return one_motion(*_begun(scene, start, cameras), options, progress, restart=restart)
+    begun = *_begun(scene, start, cameras), options, progress
+    return common_then_deviations(*begun, restart=restart or cameras is None)
 
 
 def recover_motion(
@@ -147,11 +147,10 @@ def recover_motion(
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it, on an axis that may reach
     beyond the reference. Arguments as of `solve_jointly`, of two videos or more."""
-    again = cameras is not None
-    restart = restart or not again
+    begins = cameras is None
     scene, axis = continued(scene)
-    begun = _begun(scene, start, cameras)
-    motion = common_then_deviations(*begun, options, progress, restart=restart, with_modes=again)
+    begun = *_begun(scene, start, cameras), options, progress
+    motion = common_then_deviations(*begun, restart=restart or begins, with_modes=not begins)
     return within_reference(motion, axis)
 
 
@@ -175,7 +174,7 @@ def common_then_deviations(
     restart: bool = True,
     with_modes: bool = False,
 ) -> JointMotion:
-    """One motion for all views, then each video's deviation from it.
+    """One motion for all views, then, but for ``single``, each video's deviation from it.
 
     Args:
         state: every video's motion in its own camera's axes, one body a performer.
@@ -188,30 +187,14 @@ def common_then_deviations(
     common = fit_in_stages(
         *begun, cameras_known=cameras_known, restart=restart, with_modes=with_modes
     )
-    progress("each video's own deviation")
     solved = scene.with_intrinsics(common.cameras)
+    if options.objective == "single":
+        state = follow_common(solved, state, common.motion, common.cameras, options)
+        return _joint_motion(scene, common, state, f"one motion for all: {common.status}")
+    progress("each video's own deviation")
     given = solved, state, common.motion, common.cameras, common.spread, options
     state, cost = fit_deviations(*given, restart=restart)
     return _joint_motion(scene, common, state, f"shared motion {common.status}", cost)
-
-
-def one_motion(
-    scene: Scene,
-    state: MotionState,
-    cameras: Cameras,
-    options: MotionParams,
-    progress: Progress = lambda _: None,
-    *,
-    cameras_known: bool = False,
-    restart: bool = True,
-) -> JointMotion:
-    """One motion for all videos. Arguments as of `common_then_deviations`."""
-    common = fit_in_stages(
-        scene, state, cameras, options, progress, cameras_known=cameras_known, restart=restart
-    )
-    solved = scene.with_intrinsics(common.cameras)
-    state = follow_common(solved, state, common.motion, common.cameras, options)
-    return _joint_motion(scene, common, state, f"one motion for all: {common.status}")
 
 
 def _joint_motion(

@@ -273,22 +273,22 @@ class LevelCameras(OneForAll):
         return up
 
     def _off(self, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
-        """Up in the axes of the cameras (B, C, 3), how far off it is, and in deviations (B, C)."""
+        """Up in the axes of the cameras (B, C, 3), how far off it is, and in deviations beyond one
+        (B, C)."""
         turned = state.camera_R @ self.up
         off = turned - self.alone
-        return turned, off, self.per_sd * off.norm(dim=-1)
+        return turned, off, (self.per_sd * off.norm(dim=-1) - 1).clamp_min(0.0)
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        excess = (self._off(state)[2] - 1).clamp_min(0.0)
+        excess = self._off(state)[2]
         return self.count * geman_mcclure(excess.square(), _UP_SIGMAS)[0].sum(-1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Blocks of the cameras' rotations."""
-        turned, off, deviations = self._off(state)
-        excess = (deviations - 1).clamp_min(0.0)
+        turned, off, excess = self._off(state)
         robust = geman_mcclure(excess.square(), _UP_SIGMAS)[1]
-        weight = self.count * self.per_sd**2 * robust * excess / deviations.clamp_min(1.0)
+        weight = self.count * self.per_sd**2 * robust * excess / (excess + 1)
         J = -hat(turned)
         for c in range(len(self.alone)):
             rows = slice(first := state.camera_columns(c).start, first + 3)
