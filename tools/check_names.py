@@ -28,7 +28,7 @@ BUDGETS = {
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
-    "lines of the tests": 41_181,
+    "lines of the tests": 41_180,
     "words of the documentation": 37_582,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8

@@ -1,12 +1,12 @@
 """Small made scenes for the motion tests: known truth, computed in a second."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.multiview.scene import Cameras, JointMotion
+from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior, mixture
 from imocap_core.motion.state import Body, MotionState
@@ -87,15 +87,22 @@ def scene(
         R_cam = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
         shift = centre - R_cam @ centre
         x = xyz @ R_cam.T + shift
-        xy = (
-            x[..., :2] / x[..., 2:] * FOCAL_PX
-            + K[:2, 2]
-            + rng.normal(0, noise_px, x[..., :2].shape)
-        )
+        xy = x[..., :2] / x[..., 2:] * FOCAL_PX + K[:2, 2]
+        xy = xy + rng.normal(0, noise_px, xy.shape)
         R.append(R_cam)
         t.append(shift)
         observations.append(Observation(xy, np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01))
     return Made(body, state, np.stack(R), np.stack(t), observations)
+
+
+def filmed(
+    given: Made | Scene, state: MotionState, rng: np.random.Generator | None = None
+) -> list[Observation]:
+    """The observations with the keypoints of motions in their cameras' axes; rng: of noise."""
+    xyz = given.body.positions(given.body.keypoints, state).numpy()
+    xy = xyz[..., :2] / xyz[..., 2:] * FOCAL_PX + K[:2, 2]
+    xy = xy if rng is None else xy + rng.normal(0, 1.0, xy.shape)
+    return [replace(o, xy_px=x) for o, x in zip(given.observations, xy, strict=True)]
 
 
 def result_at(state: MotionState, cameras: Cameras) -> JointMotion:

@@ -11,7 +11,7 @@ from imocap_core.motion.multiview.scene import Scene, consensus_motion
 from imocap_core.motion.multiview.smpl_ba import solve_jointly
 from imocap_core.motion.state import MotionState
 from imocap_core.rotations import exp
-from tests.motion.made import FOCAL_PX, FRAMES, K, Made, mpjpe_mm, scene
+from tests.motion.made import FRAMES, Made, filmed, mpjpe_mm, scene
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
 RAISED = torch.zeros(6, 1, 24, 3, dtype=torch.float64)  # a left arm, in three of six videos
@@ -23,10 +23,7 @@ def in_styles(raised: float) -> tuple[Made, Scene, MotionState]:
     made = scene(FRAMES, [0, 60, -60, 120, -120, 180], np.random.default_rng(2))
     truth = in_own_axes(made)
     truth = replace(truth, R_local=truth.R_local @ exp(raised * RAISED))
-    points = made.body.positions(made.body.keypoints, truth).numpy()
-    xy = points[..., :2] / points[..., 2:] * FOCAL_PX + K[:2, 2]
-    xy += np.random.default_rng(3).normal(0, 1.0, xy.shape)
-    videos = [replace(o, xy_px=x) for o, x in zip(made.observations, xy, strict=True)]
+    videos = filmed(made, truth, np.random.default_rng(3))
     return made, whole(replace(made, observations=videos)), truth
 
 

@@ -29,12 +29,11 @@ from imocap_core.motion.multiview.scene import (
     consensus_motion,
     nearest_true,
 )
-from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import Body, MotionState
 from imocap_core.robust import finite_median
 from imocap_core.rotations import exp, geodesic_angle
 from imocap_core.sync.warp.template import OFFSET_START
-from tests.motion.made import FRAMES, WEIGHTS, Made, mpjpe_mm
+from tests.motion.made import FRAMES, WEIGHTS, Made, filmed, mpjpe_mm
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
 OFFSETS = np.tile(OFFSET_START, (3, 1))
@@ -208,14 +207,7 @@ def turned(state: MotionState, angle_rad: float, since: int = 0) -> MotionState:
 
 def filming(scene: Scene, state: MotionState) -> Scene:
     """The same scene whose keypoints are those of other motions, in their cameras' axes."""
-    xyz = scene.body.positions(scene.body.keypoints, state).numpy()
-
-    def filmed(observation: Observation, x: np.ndarray) -> Observation:
-        K = observation.K
-        return replace(observation, xy_px=x[..., :2] / x[..., 2:] * K[0, 0] + K[:2, 2])
-
-    rows = zip(scene.observations, xyz, strict=True)
-    return replace(scene, observations=[filmed(o, x) for o, x in rows])
+    return replace(scene, observations=filmed(scene, state))
 
 
 def weights(scene: Scene, made: Made, state: MotionState) -> Tensor:

@@ -337,7 +337,7 @@ def fit_in_stages(
     terms += estimate_terms(scene, start.trans, options)
     motion, costs, status, steps = start, list[float](), "", options.max_steps
     spread_m, starts, aligned = np.zeros(keypoints.weight.shape), [start], scene.aligned(state)
-    if not cameras_known:
+    if not cameras_known:  # which would be tilted to explain what differs throughout
         errors, depth = reprojection_errors_px(views, start), root_depths_m(views, start)
         spread_m += lasting_m(errors, depth, cameras.focal_px)
     if restart:

@@ -5,7 +5,8 @@ score a performance, and a rest of its own. It is Eq. 4 with the mean removed, a
 
 Modes are principal components of places, which keypoints determine; turns follow by regression on
 the scores, as a limb's twist would otherwise pass for a way to differ. A mode counts if half of the
-places and moments of a performance that it was not learned from predict the rest.
+places and moments of a performance that it was not learned from predict the rest. The rest, and all
+where nothing is learned, is the spread of each keypoint in its view.
 
 The joint solve learns them from the videos' motions of an earlier one, and solves for the scores
 with the cameras: what many performances have in common in how they differ would otherwise pass for
@@ -155,7 +156,6 @@ def number_of_modes(errors: Float[np.ndarray, " K1"]) -> int:
 
 # Of fewer performances the joint solve learns no modes: a mode takes as many numbers as a motion.
 LEAST_SOLVED = 5
-UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
 ALIGNMENTS, ALIKE_M = 4, 0.03  # in the last ones a keypoint so far off counts a quarter
 
 
@@ -188,6 +188,9 @@ def mode_shifts(
     return _at_one(_principal_scores(shifts)[0][:, :count], shifts) if count else None
 
 
+UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
+
+
 def spread_beyond_noise_m(
     errors_px: Float[np.ndarray, "M N K 2"],
     sigma_px: Float[np.ndarray, "M N"],
@@ -207,9 +210,8 @@ def spread_beyond_noise_m(
     padded = np.pad(squared, ((0, 0), (half, half), (0, 0)), mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
     usable = np.isfinite(windows).sum(-1) >= 3
-    filled = np.where(usable[..., None], windows, 0.0)
     # the median of an exponential distribution is ln 2 times its mean
-    pooled = finite_median(filled) / np.log(2)
+    pooled = finite_median(np.where(usable[..., None], windows, 0.0)) / np.log(2)
     inflated = pooled * len(errors_px) / max(len(errors_px) - 1, 1)
     excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
     spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]

@@ -273,16 +273,14 @@ class LevelCameras(OneForAll):
         return up
 
     def _off(self, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
-        """Up in the axes of the cameras (B, C, 3), how far off it is, and in deviations beyond one
-        (B, C)."""
+        """Up in the cameras' axes (B, C, 3), how far off, and in deviations beyond one (B, C)."""
         turned = state.camera_R @ self.up
         off = turned - self.alone
         return turned, off, (self.per_sd * off.norm(dim=-1) - 1).clamp_min(0.0)
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        excess = self._off(state)[2]
-        return self.count * geman_mcclure(excess.square(), _UP_SIGMAS)[0].sum(-1)
+        return self.count * geman_mcclure(self._off(state)[2].square(), _UP_SIGMAS)[0].sum(-1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Blocks of the cameras' rotations."""
