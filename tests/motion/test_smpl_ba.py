@@ -229,14 +229,14 @@ def test_what_lasts_is_told_from_what_passes_and_from_what_all_keypoints_share()
 
 
 def test_arms_held_elsewhere_throughout_tilt_no_camera() -> None:
-    """Of two views 20 degrees apart: a camera 27 degrees off would explain the arms as well."""
+    """Of two views 20 degrees apart: a camera 24 degrees off would explain the arms as well."""
     made = scene(FRAMES, [0.0, 20.0], np.random.default_rng(0))
     truth = in_own_axes(made)
     for name, turn in (("left_shoulder", 1.2), ("right_shoulder", -1.2)):
         truth.R_local[1, :, SMPL_JOINTS.index(name)] @= exp(torch.tensor([0.0, 0.0, turn]).double())
     videos = filmed(made, truth, np.random.default_rng(3))
     given = whole(replace(made, observations=videos)), disturbed(truth, 0.05)
-    found = solve_jointly(*given, OPTIONS)
+    found = solve_jointly(*given, replace(OPTIONS, max_steps=4))
     assert float(np.max(angle_deg(found.cameras.R.numpy(), made.R))) < 4.0
 
 
