@@ -221,13 +221,13 @@ def collapses(
 
 
 def pose_change(xy_px: Float[np.ndarray, "T K 2"], size_px: float) -> float:
-    """Largest mean distance of the keypoints, about their centre, from those of the first frame,
-    in body sizes; 0 where nothing can be compared."""
-    centred = xy_px - np.nanmedian(xy_px, axis=1, keepdims=True) if len(xy_px) else xy_px
+    """Largest mean distance of centred keypoints from the first that are shown, in body sizes."""
+    shown = xy_px[np.isfinite(xy_px).all(-1).sum(1) >= 3]
+    if not len(shown):
+        return 0.0
+    centred = shown - np.nanmedian(shown, axis=1, keepdims=True)
     distance = np.linalg.norm(centred - centred[:1], axis=-1)
     enough = np.isfinite(distance).sum(1) >= 3
-    if not enough.any():
-        return 0.0
     return float(np.nanmean(distance[enough], axis=1).max() / size_px)
 
 

@@ -36,20 +36,20 @@ from benchmarks.synthetic.captured_skeleton import (
 )
 from benchmarks.synthetic.simulated import DETECTORS, TREE, EstimatorErrors, detect_person, estimate
 from imocap_core.body import load_free_body
+from imocap_core.body.model import Shaped
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.metrics.position import mpjpe_mm, pa_mpjpe_mm
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.state import Body
+from imocap_core.motion.state import Body, MotionState
 from imocap_core.rotations import exp, log
 from imocap_core.synthetic.detector import with_offsets
 from tools.calibrate_estimator import TARGET_MM, camera_clips, errors_mm
 
 
 def test_a_shape_has_the_limbs_that_were_asked_for() -> None:
-    model = load_free_body()
-    betas = torch.zeros(10, dtype=torch.float64)
-    betas[0], betas[1] = -1.0, 0.8
+    model, betas = load_free_body(), torch.zeros(10, dtype=torch.float64)
+    betas[:2] = torch.tensor([-1.0, 0.8])
     rest = model.shape(betas).joints_rest
     place = {
         name: rest[SMPL_JOINTS.index(f"left_{name}")]
@@ -211,17 +211,15 @@ def test_the_measured_detector_has_the_measured_errors():
     truth = 300 + 300 * rng.uniform(size=(1, 18, 2)) + np.zeros((200, 1, 1))
     height, limbs = np.full(200, 600.0), [k for k, n in enumerate(COCO18) if "_" in n]
     limbs = [k for k in limbs if "eye" not in COCO18[k] and "ear" not in COCO18[k]]
-    detections = [detect_person(truth, height, 30.0, "mediapipe", np.random.default_rng(n))
-             for n in range(20)]  # fmt: skip
+    seeds = map(np.random.default_rng, range(20))
+    detections = [detect_person(truth, height, 30.0, "mediapipe", rng) for rng in seeds]
     bare = with_offsets(truth, COCO18, DETECTORS["mediapipe"].by_kind)
     off = np.stack([np.linalg.norm(d.xy_px - bare, axis=-1)[:, limbs] / 600 for d in detections])
     detected = np.stack([d.confidence[:, limbs] > 0 for d in detections])
     assert np.median(off[detected]) == pytest.approx(0.014, rel=0.15)
     assert 0.03 < np.quantile(off[detected], 0.9) < 0.05
     typical_place = np.median(np.stack([d.xy_px for d in detections])[..., limbs, :], axis=(0, 1))
-    assert typical_place == pytest.approx(
-        bare[0][limbs], abs=4.0
-    )  # each marks joints at its own places
+    assert typical_place == pytest.approx(bare[0][limbs], abs=4.0)  # joints at its own places
     assert np.abs(typical_place - truth[0][limbs]).max() > 10
 
 
@@ -233,10 +231,8 @@ def test_the_estimator_keeps_bones_and_the_origin():
     estimated = estimate(true, 30.0, np.random.default_rng(0))
     assert hip_middle(estimated) == pytest.approx(np.zeros((200, 3)), abs=1e-9)
     for child, parent in TREE[3:]:
-        bones = [
-            np.linalg.norm(x[:, JOINT_INDEX[child]] - x[:, JOINT_INDEX[parent]], axis=-1)
-            for x in (estimated, true)
-        ]
+        ends = [JOINT_INDEX[child], JOINT_INDEX[parent]]
+        bones = [np.linalg.norm(np.diff(x[:, ends], axis=1), axis=-1) for x in (estimated, true)]
         assert bones[0] == pytest.approx(bones[1])
 
 
@@ -347,8 +343,7 @@ def performed(seed: int, size: float = 0.4) -> np.ndarray:
 
 def captured(theta: np.ndarray) -> np.ndarray:
     """Joints (T, J, 3), z up, of the made skeleton that performs a motion of the free body."""
-    shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
-    posed = shaped.pose(exp(torch.as_tensor(theta)), torch.zeros(len(theta), 3).double())
+    posed = mean_body().pose(exp(torch.as_tensor(theta)), torch.zeros(len(theta), 3).double())
     joints, R = posed.joints.numpy(), posed.R_world.numpy()
     places = []
     for name in NAMES:
@@ -362,6 +357,10 @@ def captured(theta: np.ndarray) -> np.ndarray:
     return np.stack(places, 1) @ WORLD_FROM_BODY.T
 
 
+def mean_body() -> Shaped:
+    return load_free_body().shape(torch.zeros(10, dtype=torch.float64))
+
+
 def stance_and_skeleton() -> tuple[NeutralStance, CapturedSkeleton]:
     skeleton = captured_skeleton(
         NAMES, [-1 if p is None else NAMES.index(p) for p in PARENTS.values()]
@@ -369,11 +368,18 @@ def stance_and_skeleton() -> tuple[NeutralStance, CapturedSkeleton]:
     return neutral_stance(skeleton, [captured(np.zeros((5, 24, 3)))]), skeleton
 
 
+def retargeted(xyz: np.ndarray) -> MotionState:
+    """The motion of the mean body that was fitted to captured joints."""
+    stance, skeleton = stance_and_skeleton()
+    wanted = retargeting.trunk_and_joints(mean_body(), skeleton, stance, xyz)
+    body, betas = Body.of(load_free_body(), "smpl24"), torch.zeros(10, dtype=torch.float64)
+    return retargeting.fit_to_trunk_and_joints(body, [wanted], betas)
+
+
 def test_the_trunk_turns_as_the_captured_one() -> None:
     stance, skeleton = stance_and_skeleton()
     theta = performed(3)
-    shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
-    result = retargeting.trunk_and_joints(shaped, skeleton, stance, captured(theta))
+    result = retargeting.trunk_and_joints(mean_body(), skeleton, stance, captured(theta))
     R_true = exp(torch.as_tensor(theta)).numpy()
     np.testing.assert_allclose(result.R_local[:, 0], WORLD_FROM_BODY @ R_true[:, 0], atol=1e-6)
     spine = [SMPL_JOINTS.index(f"spine{k}") for k in (1, 2, 3)]
@@ -387,13 +393,9 @@ def test_the_trunk_turns_as_the_captured_one() -> None:
 
 @pytest.mark.parametrize("seed", [4, 7])
 def test_limbs_point_where_the_captured_ones_do(seed: int) -> None:
-    stance, skeleton = stance_and_skeleton()
-    model = load_free_body()
-    betas = torch.zeros(10, dtype=torch.float64)
     xyz = captured(performed(seed))
-    wanted = retargeting.trunk_and_joints(model.shape(betas), skeleton, stance, xyz)
-    state = retargeting.fit_to_trunk_and_joints(Body.of(model, "smpl24"), [wanted], betas)
-    joints = model.shape(betas).pose(state.R_local[0], state.trans[0]).joints.numpy()
+    state = retargeted(xyz)
+    joints = mean_body().pose(state.R_local[0], state.trans[0]).joints.numpy()
     for side, c in (("left", "l"), ("right", "r")):
         for near, far, a, b in (("hip", "knee", "Thigh", "Shin"), ("knee", "ankle", "Shin", "Foot"),
                                 ("shoulder", "elbow", "Shldr", "ForeArm")):  # fmt: skip
@@ -409,17 +411,12 @@ def test_limbs_point_where_the_captured_ones_do(seed: int) -> None:
 
 
 def test_a_bent_elbow_turns_the_upper_arm_and_bends_about_its_hinge() -> None:
-    stance, skeleton = stance_and_skeleton()
-    model = load_free_body()
-    betas = torch.zeros(10, dtype=torch.float64)
     theta = np.zeros((FRAMES, 24, 3))
     arm, elbow = (SMPL_JOINTS.index(f"left_{name}") for name in ("shoulder", "elbow"))
     turned = exp(torch.tensor([[0.0, 0.0, -0.4], [-0.9, 0.0, 0.0]], dtype=torch.float64))
     theta[:, arm] = log(turned[0] @ turned[1]).numpy()
     theta[:, elbow, 1] = -1.2
-    wanted = retargeting.trunk_and_joints(model.shape(betas), skeleton, stance, captured(theta))
-    state = retargeting.fit_to_trunk_and_joints(Body.of(model, "smpl24"), [wanted], betas)
-    fitted = state.axis_angle[0, FRAMES // 2].numpy()
+    fitted = retargeted(captured(theta)).axis_angle[0, FRAMES // 2].numpy()
     assert abs(fitted[elbow, 2]) < 0.15  # sideways
     np.testing.assert_allclose(fitted[elbow, 1], -1.2, atol=0.15)
     np.testing.assert_allclose(fitted[arm], theta[0, arm], atol=0.2)
@@ -443,26 +440,21 @@ def test_a_straightened_forearm_takes_its_hand_along() -> None:
         xyz[:, NAMES.index(f"{side}ForeArm")] += [0.0, 0.04, 0.02 * sign]
     stance = neutral_stance(skeleton, [xyz])
     assert stance.bend_rad["wrist"] > 0.2
-    shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
-    wanted, rest = (
-        retargeting.trunk_and_joints(shaped, skeleton, stance, xyz).joints,
-        shaped.joints_rest,
-    )
+    wanted = retargeting.trunk_and_joints(mean_body(), skeleton, stance, xyz).joints
     for side in ("left", "right"):
         elbow, wrist, hand = (SMPL_JOINTS.index(f"{side}_{n}") for n in ("elbow", "wrist", "hand"))
         forearm, palm = wanted[:, wrist] - wanted[:, elbow], wanted[:, hand] - wanted[:, wrist]
-        at_rest = rest.numpy()[[hand, wrist]] - rest.numpy()[[wrist, elbow]]
+        at_rest = -np.diff(mean_body().joints_rest.numpy()[[hand, wrist, elbow]], axis=0)
         expected = np.full(len(xyz), angles_rad(*at_rest))
         np.testing.assert_allclose(angles_rad(forearm, palm), expected, atol=0.02)
 
 
 def test_turning_the_world_turns_the_root_alone() -> None:
     stance, skeleton = stance_and_skeleton()
-    shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
     xyz = captured(performed(5))
     turn = exp(torch.tensor([0.0, 0.0, 1.1], dtype=torch.float64)).numpy()
     straight, turned = (
-        retargeting.trunk_and_joints(shaped, skeleton, stance, x) for x in (xyz, xyz @ turn.T)
+        retargeting.trunk_and_joints(mean_body(), skeleton, stance, x) for x in (xyz, xyz @ turn.T)
     )
     np.testing.assert_allclose(turned.R_local[:, 1:], straight.R_local[:, 1:], atol=1e-6)
     np.testing.assert_allclose(turned.R_local[:, 0], turn @ straight.R_local[:, 0], atol=1e-6)

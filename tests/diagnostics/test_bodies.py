@@ -59,6 +59,14 @@ def test_standing_still_a_slow_replay_and_unmatched_frames_are_none() -> None:
     assert collapses(unmatched, performance(), FPS) == []
 
 
+def test_collapsed_time_is_found_where_some_frames_show_nobody() -> None:
+    position, xy_px = np.arange(150.0), performance()
+    position[60:100], xy_px[55:70] = 60.0, np.nan
+    (span,) = collapses(position, xy_px, FPS)
+    assert (span.first, span.last) == (60, 99)
+    assert collapses(position, np.full_like(xy_px, np.nan), FPS) == []
+
+
 def bodies(made: Made) -> dict[str, PlacedBody]:
     """The made bodies in the world's axes: each as the first camera would see it."""
     return {
