@@ -56,7 +56,8 @@ def disagreement_s(sync: SyncSummary, predicted: Set[str]) -> float | None:
 
 def _left_out_s(video: VideoTrust) -> float:
     """How far a video's two maps are apart but for whole repetitions."""
-    return abs(remainder(video.left_out_s, _period_s([video] if _repeats(video) else [])))
+    repeating = [video] if video.repetition_ratio < NEARLY else []
+    return abs(remainder(video.left_out_s, _period_s(repeating)))
 
 
 def timing_sentence(
@@ -135,14 +136,8 @@ def timing_findings(
 def _of_video(sync_map: SyncMap, trust: VideoTrust | None, reference: str) -> list[Finding]:
     matched = float(np.isfinite(sync_map.reference_frame).mean())
     if matched < LEAST_MATCHED:
-        return [
-            Finding(
-                "time",
-                sync_map.id,
-                f"only {matched:.0%} of its frames have a counterpart in {reference}",
-                "few frames matched",
-            )
-        ]
+        text = f"only {matched:.0%} of its frames have a counterpart in {reference}"
+        return [Finding("time", sync_map.id, text, "few frames matched")]
     if trust is not None and _left_out_s(trust) > DOUBTFUL_S:
         return [
             Finding(
@@ -166,16 +161,9 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
     findings = _alone(video, matched)
     for a, b in stretches(uncertain, video.fps, LEAST_S, 0.1):
         mean = float(confidence[a : b + 1].mean())
-        findings.append(
-            Finding(
-                "time",
-                video.id,
-                f"the timing is uncertain (confidence {mean:.2f} on average)",
-                "timing uncertain",
-                "",
-                *frames_of(video, a, b),
-            )
-        )
+        text = f"the timing is uncertain (confidence {mean:.2f} on average)"
+        place = frames_of(video, a, b)
+        findings.append(Finding("time", video.id, text, "timing uncertain", "", *place))
     return findings
 
 
@@ -232,10 +220,12 @@ def pose_change(xy_px: Float[np.ndarray, "T K 2"], size_px: float) -> float:
 
 
 NEAR_FRAMES = 2  # frames
+_SEVERAL = 3  # collapses between two videos: not an accident of one moment
 
 
 def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -> list[Finding]:
-    """Spans of a video in which it moves and its match does not, in either direction.
+    """Spans of a video in which it moves and its match does not, in either direction; several
+    between two videos are one finding.
 
     Where a video's time stands still it jumps afterwards, so that the reference's stands still as
     well: that is not named again.
@@ -251,9 +241,22 @@ def collapse_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -
             for back in collapses(inverse, limbs_px(reference), reference.fps)
             if not any(s.first - NEAR_FRAMES <= back.value <= s.last + NEAR_FRAMES for s in spans)
         ]
-        findings += [_finding(video, reference, span) for span in spans]
-        findings += [_finding(reference, video, span) for span in others]
+        of_pair = [_finding(video, reference, span) for span in spans]
+        of_pair += [_finding(reference, video, span) for span in others]
+        several = len(of_pair) >= _SEVERAL
+        findings += [_unlike(video.id, reference.id, len(of_pair))] if several else of_pair
     return findings
+
+
+def _unlike(video: str, reference: str, count: int) -> Finding:
+    return Finding(
+        "time",
+        video,
+        f"{count} times it moves while its time in {reference} stands still, or the other way "
+        "round: one of them shows movement that the other does not",
+        f"shows other movement than {reference}",
+        f"leave {video} out, or {anchor_advice(video, reference)}",
+    )
 
 
 def _finding(video: VideoKeypoints, other: VideoKeypoints, span: MeasuredSpan) -> Finding:
@@ -278,11 +281,8 @@ NEARLY = 1.4
 
 def repeating_videos(sync: SyncSummary) -> list[VideoTrust]:
     """Those whose maps fit nearly as well when shifted by a repetition."""
-    return [v for v in sync.trusts.values() if _repeats(v) and v.id not in sync.excluded]
-
-
-def _repeats(video: VideoTrust) -> bool:
-    return video.repetition_ratio < NEARLY
+    used = [v for v in sync.trusts.values() if v.id not in sync.excluded]
+    return [v for v in used if v.repetition_ratio < NEARLY]
 
 
 def _period_s(repeating: Sequence[VideoTrust]) -> float:

@@ -336,18 +336,26 @@ def test_places_of_one_fault_are_named_together() -> None:
     )
 
 
+def collapsed(made: Made, frames: int, *first: int) -> list[Finding]:
+    """Findings where the second video's time stops for so many frames."""
+    sync, videos = with_sync(made).sync, {v.id: waving(v) for v in made.keypoints.videos}
+    position = sync.maps[1].reference_frame.copy()
+    for a in first:
+        position[a : a + frames] = position[a]
+    stopped = sync.maps[1].model_copy(update={"reference_frame": position})
+    return collapse_findings(sync.model_copy(update={"maps": [sync.maps[0], stopped]}), videos)
+
+
 def test_a_stopped_time_is_named_once_in_one_direction() -> None:
     made = Made(2, frames=90)
-    refined = with_sync(made)
-    position = refined.sync.maps[1].reference_frame.copy()
-    position[30:60] = position[30]
-    stopped = refined.sync.maps[1].model_copy(update={"reference_frame": position})
-    sync = refined.sync.model_copy(update={"maps": [refined.sync.maps[0], stopped]})
-    videos = {v.id: waving(v) for v in made.keypoints.videos}
-    (finding,) = collapse_findings(sync, videos)
+    (finding,) = collapsed(made, 30, 30)
     frames = made.keypoints.videos[1].frames
     assert (finding.first_frame, finding.last_frame) == (frames[30], frames[59])
     assert f"`forbidden: [{{video: v2, frames: [{frames[30]}, {frames[60]}]}}]`" in finding.remedy
+
+    (finding,) = collapsed(made, 27, 2, 32, 62)
+    assert finding.text.startswith("3 times it moves while its time in v1 stands still")
+    assert finding.first_frame is None
 
 
 def waving(video: VideoKeypoints) -> VideoKeypoints:
