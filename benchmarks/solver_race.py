@@ -23,7 +23,6 @@ from torch import Tensor
 
 from imocap_core.body import load_free_body
 from imocap_core.motion.gauss_newton import Solution, gauss_newton, objective
-from imocap_core.motion.monocular.fit import regularisers
 from imocap_core.motion.multiview import common_motion
 from imocap_core.motion.multiview.scene import (
     Scene,
@@ -450,7 +449,7 @@ def first_common_problem(
     scale = scene.fit.robust_scale_sigma * common_motion.ROBUST_STAGES[0]
     views = common_motion.CommonViews(scene.body, keypoints, cameras, scale)
     image, start = common_motion.common_problem(views, motion, common_motion.Unknowns(free))
-    return [*image, *regularisers(scene.body, scene.prior, scene.fit, scene.fps)], start
+    return [*image, *scene.regularisers], start
 
 
 @contextmanager

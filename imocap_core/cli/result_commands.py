@@ -70,20 +70,9 @@ def view_command(
 
 
 FileFormat = Literal[
-    "npz",
-    "amass",
-    "bvh",
-    "glb",
-    "fbx",
-    "usd",
-    "trc",
-    "csv",
-    "c3d",
-    "opensim",
-    "mcap",
-    "rrd",
+    "npz", "amass", "bvh", "glb", "fbx", "usd", "trc", "csv", "c3d", "opensim", "mcap", "rrd",
     "calib",
-]
+]  # fmt: skip
 
 
 def export_command(

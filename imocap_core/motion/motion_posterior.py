@@ -30,7 +30,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.motion.gauss_newton import linearise, motions_at_once, split_batch
-from imocap_core.motion.monocular.fit import Progress, regularisers
+from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import (
     NO_UNKNOWNS,
     CommonViews,
@@ -233,8 +233,7 @@ def with_common_motion(scene: Scene, result: JointMotion, options: MotionParams)
     start = consensus_motion(scene, result.state, result.cameras)
     keypoints = with_initial_offsets(scene)
     views = CommonViews(scene.body, keypoints, result.cameras, scene.fit.robust_scale_sigma)
-    terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    terms += estimate_terms(scene, start.trans, options)
+    terms = [*scene.regularisers, *estimate_terms(scene, start.trans, options)]
     motion, cameras, _ = fit_common_motion(views, start, NO_UNKNOWNS, terms, FIT_STEPS)
     spread = estimate_spread(scene, motion, cameras)
     return replace(result, common=motion, spread=spread)
@@ -272,7 +271,7 @@ def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> Co
     terms = [
         *noise.temper([image], scene.fps),
         *evidence.estimates,  # counted once per correlation time by their own weights
-        *regularisers(scene.body, scene.prior, scene.fit, scene.fps),
+        *scene.regularisers,
     ]
     given_globals, response, schur = _inverse(linearise(terms, state))
     return CommonPosterior(

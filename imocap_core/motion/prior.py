@@ -6,14 +6,20 @@ per-joint spreads only.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.resources import as_file, files
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+
+from imocap_core.conventions import SMPL_JOINTS
+
+_LEG_RAD = 0.35  # spread of legs that nobody sees about straight ones
+_HIDDEN, _FAINT = 0.7, 0.3  # of the frames; of the largest weight of a frame's keypoints
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,34 @@ class PosePrior:
         whitened = (theta @ self.whitening).sub_(self.whitened_mean).unflatten(-1, self.mean.shape)
         smallest = (whitened.square_().sum(-1) + self.constant).min(-1)
         return smallest.values, smallest.indices
+
+    def for_keypoints(
+        self, names: Sequence[str], weights: Sequence[Float[np.ndarray, "T K"]]
+    ) -> PosePrior:
+        """That of hidden legs where keypoints hardly ever show one; else itself.
+
+        Args:
+            weights: of the keypoints of each motion, 0 where missing.
+        """
+        legs = [any(x in name for x in ("knee", "ankle", "heel", "foot", "toe")) for name in names]
+        weight = np.concatenate(weights)
+        weight = weight[weight.max(axis=1) > 0]
+        hidden = weight[:, legs].max(axis=1, initial=0.0) <= _FAINT * weight.max(axis=1)
+        return self.of_hidden_legs if hidden.sum() > _HIDDEN * len(hidden) else self
+
+    @cached_property
+    def of_hidden_legs(self) -> PosePrior:
+        """Legs stand, whatever the rest does: of what is hidden a max-mixture takes the narrowest
+        component, not the likeliest, and that kneels."""
+        parts = self.mean, self.weight, self.velocity_rad, self.acceleration_rad
+        mean, weight, velocity, acceleration = (x.cpu().numpy().copy() for x in parts)
+        covariance = (self.cholesky @ self.cholesky.mT).cpu().numpy()
+        ends = ("hip", "knee", "ankle", "foot")
+        legs = np.flatnonzero(np.repeat([name.endswith(ends) for name in SMPL_JOINTS[1:]], 3))
+        mean[:, legs], covariance[:, legs], covariance[:, :, legs] = 0.0, 0.0, 0.0
+        covariance[:, legs, legs] = _LEG_RAD**2
+        place = self.mean.device, self.mean.dtype
+        return mixture(mean, covariance, weight, velocity, acceleration, *place)
 
     def sample(
         self, count: int, rng: np.random.Generator, spread: float = 1.0
@@ -101,20 +135,12 @@ def mixture(
 
 
 @lru_cache(maxsize=4)
-def load_pose_prior(
-    device: str | torch.device = "cpu", dtype: torch.dtype = torch.float64
-) -> PosePrior:
+def load_pose_prior(device: str | torch.device = "cpu") -> PosePrior:
     """The packaged prior (data/pose_prior.npz)."""
+    parts = ("mean", "covariance", "weight", "velocity_rad", "acceleration_rad")
     with (
         as_file(files("imocap_core.motion") / "data" / "pose_prior.npz") as path,
         np.load(path) as stored,
     ):
-        fields = {name: stored[name] for name in stored.files}
-    return mixture(
-        **{
-            k: fields[k]
-            for k in ("mean", "covariance", "weight", "velocity_rad", "acceleration_rad")
-        },
-        device=device,
-        dtype=dtype,
-    )
+        mean, covariance, weight, *paces = (np.asarray(stored[name]) for name in parts)
+        return mixture(mean, covariance, weight, paces[0], paces[1], device)

@@ -89,7 +89,7 @@ class KeypointsParams:
     sides: Literal["auto", "leave", "repair"] = param(
         "auto",
         "Whether swapped left and right limbs are corrected: `repair` always, `leave` never, "
-        "`auto` for layouts whose detector is known to swap them (mediapipe33).",
+        "`auto` for layouts whose detector swaps them (mediapipe33, blazepose33).",
     )
     correct_marks: bool = param(
         True,

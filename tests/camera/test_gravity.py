@@ -272,16 +272,11 @@ def test_ground_alignment_changes_no_picture() -> None:
     motion, camera = simple_body(rng), any_camera(rng)
     world = to_world(motion, camera)
     ground = GroundAlignment(Rotation.random(random_state=2).as_matrix(), rng.normal(size=3))
-    body, aligned_camera = (
-        align_motion_to_ground(world, ground),
-        align_camera_to_ground(camera, ground),
-    )
-    np.testing.assert_allclose(
-        body.joints, world.joints @ ground.R_upright_from_world.T + ground.t, atol=1e-12
-    )
-    np.testing.assert_allclose(
-        body.joints @ aligned_camera.R.T + aligned_camera.t, motion.joints, atol=1e-12
-    )
+    joints = align_motion_to_ground(world, ground).joints
+    aligned = align_camera_to_ground(camera, ground)
+    upright = world.joints @ ground.R_upright_from_world.T + ground.t
+    np.testing.assert_allclose(joints, upright, atol=1e-12)
+    np.testing.assert_allclose(joints @ aligned.R.T + aligned.t, motion.joints, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))

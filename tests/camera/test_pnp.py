@@ -11,16 +11,16 @@ from imocap_core.camera.projection import intrinsics, project
 K = intrinsics(640.0, (640, 360))
 
 
-def walking_body(rng, frames=60, joints=17):
-    """A cloud of the size of a person that wanders about half a metre and changes its shape."""
+def filmed(rng, frames=60, joints=17):
+    """A cloud of the size of a person that wanders about half a metre and changes its shape, a
+    camera, and its picture."""
     path = np.cumsum(rng.normal(size=(frames, 1, 3)) * [0.03, 0.005, 0.03], axis=0)
     shape = rng.normal(size=(1, joints, 3)) * [0.2, 0.45, 0.15]
-    return path + shape + 0.05 * rng.normal(size=(frames, joints, 3))
-
-
-def true_camera(rng):
-    R = Rotation.from_euler("yx", [rng.uniform(-170, 170), rng.uniform(-20, 20)], degrees=True)
-    return R.as_matrix(), np.array([0.2, 0.1, 4.5])
+    x_world = path + shape + 0.05 * rng.normal(size=(frames, joints, 3))
+    turns_deg = [rng.uniform(-170, 170), rng.uniform(-20, 20)]
+    R = Rotation.from_euler("yx", turns_deg, degrees=True).as_matrix()
+    t = np.array([0.2, 0.1, 4.5])
+    return x_world, R, t, project(x_world, K, R, t)
 
 
 def turned(R, degrees, rng):
@@ -31,9 +31,7 @@ def turned(R, degrees, rng):
 @pytest.mark.parametrize("seed", range(5))
 def test_without_noise_the_camera_is_exact_from_a_start_20_degrees_off(seed):
     rng = np.random.default_rng(seed)
-    x_world = walking_body(rng)
-    R, t = true_camera(rng)
-    xy_px = project(x_world, K, R, t)
+    x_world, R, t, xy_px = filmed(rng)
     estimate = pnp_over_frames(x_world, xy_px, np.ones(xy_px.shape[:2]), K, turned(R, 20.0, rng))
     assert estimate.ok, estimate.status
     assert angle_deg(estimate.R, R) < 1e-3
@@ -43,9 +41,8 @@ def test_without_noise_the_camera_is_exact_from_a_start_20_degrees_off(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_with_noise_and_a_third_of_the_frames_mismatched(seed):
     rng = np.random.default_rng(seed)
-    x_world = walking_body(rng, frames=90)
-    R, t = true_camera(rng)
-    xy_px = project(x_world, K, R, t) + 4.0 * rng.normal(size=(90, 17, 2))
+    x_world, R, t, xy_px = filmed(rng, frames=90)
+    xy_px += 4.0 * rng.normal(size=(90, 17, 2))
     xy_px[:30] = xy_px[60:90] + rng.normal(size=(30, 1, 2)) * 60.0
     xy_px[rng.random((90, 17)) < 0.05] = np.nan
     confidence = rng.uniform(0.3, 1.0, size=(90, 17))
@@ -57,10 +54,8 @@ def test_with_noise_and_a_third_of_the_frames_mismatched(seed):
 
 def test_a_refinement_that_leaves_the_basin_is_refused():
     rng = np.random.default_rng(4)
-    x_world = walking_body(rng)
-    R, t = true_camera(rng)
+    x_world, R, _, xy_px = filmed(rng)
     start = turned(R, 20.0, rng)
-    xy_px = project(x_world, K, R, t)
     estimate = pnp_over_frames(x_world, xy_px, np.ones(xy_px.shape[:2]), K, start, max_turn_deg=5.0)
     assert np.array_equal(estimate.R, start)
     assert "its start is returned" in estimate.status
@@ -68,9 +63,8 @@ def test_a_refinement_that_leaves_the_basin_is_refused():
 
 def test_the_camera_moves_with_the_world():
     rng = np.random.default_rng(6)
-    x_world = walking_body(rng)
-    R, t = true_camera(rng)
-    xy_px = project(x_world, K, R, t) + rng.normal(size=(60, 17, 2))
+    x_world, R, _, xy_px = filmed(rng)
+    xy_px += rng.normal(size=(60, 17, 2))
     G = Rotation.random(rng=rng).as_matrix()
     shift = np.array([1.0, -2.0, 0.5])
     ones = np.ones(xy_px.shape[:2])
@@ -81,9 +75,8 @@ def test_the_camera_moves_with_the_world():
 
 
 def test_too_few_points_is_a_status_not_an_exception():
-    empty = pnp_over_frames(
-        np.full((2, 5, 3), np.nan), np.zeros((2, 5, 2)), np.ones((2, 5)), K, np.eye(3)
-    )
+    nowhere = np.full((2, 5, 3), np.nan)
+    empty = pnp_over_frames(nowhere, nowhere[..., :2], np.ones((2, 5)), K, np.eye(3))
     assert not empty.ok
     assert "0 usable points" in empty.status
 

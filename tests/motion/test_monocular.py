@@ -33,6 +33,7 @@ from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_gauss_newton import disturbed
 from tests.motion.test_terms import TERMS, state, with_rigid_offsets
 
+LEGS = ("hip", "knee", "ankle", "foot")
 DEPTH = torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)
 
 
@@ -193,14 +194,24 @@ def test_samples_are_those_drawn_one_by_one() -> None:
     assert len(set(component)) > 2
 
 
-def test_the_best_component_is_the_likeliest() -> None:
-    prior = load_pose_prior()
-    theta = torch.as_tensor(prior.sample(20, np.random.default_rng(1)))
-    offset = theta[:, None] - prior.mean
-    costs = torch.einsum("scn,cnm,scm->sc", offset, prior.precision, offset) + prior.constant
-    smallest, component = prior.best(theta)
-    torch.testing.assert_close(smallest, costs.min(1).values)
-    assert bool((component == costs.argmin(1)).all())
+def test_the_best_component_is_the_likeliest_and_of_hidden_legs_by_all_but_them() -> None:
+    prior, legs = load_pose_prior(), torch.zeros(69, dtype=torch.bool)
+    legs[[k for k in range(69) if SMPL_JOINTS[1 + k // 3].endswith(LEGS)]] = True
+    theta = torch.as_tensor(prior.sample(40, np.random.default_rng(1)))
+    covariance = prior.cholesky @ prior.cholesky.mT
+    for given, rest in ((prior, legs | True), (prior.of_hidden_legs, ~legs)):
+        seen = theta * rest  # the legs stand
+        spread = covariance[:, rest][:, :, rest]
+        density = torch.distributions.MultivariateNormal(prior.mean[:, rest], spread)
+        likelihood = density.log_prob(seen[:, None, rest]) + prior.weight.log()
+        cost, component = given.best(seen)
+        assert bool((component == likelihood.argmax(1)).all())
+        expected = -2 * (likelihood.amax(1) - likelihood[0].amax())
+        torch.testing.assert_close(cost - cost[0], expected, rtol=1e-5, atol=1e-4)
+    weight, names = np.tile([1.0, 1.0, 0.2], (100, 1)), ("nose", "left_hip", "left_knee")
+    assert prior.for_keypoints(names, [weight]) is prior.of_hidden_legs
+    weight[:50, 2] = 1.0
+    assert prior.for_keypoints(names, [weight, 0.0 * weight]) is prior
 
 
 def test_standing_people_stand_straight() -> None:

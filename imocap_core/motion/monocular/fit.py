@@ -211,6 +211,7 @@ def monocular_terms(
     """
     view = per_video_view(observations, template)
     fps = float(np.median([o.fps for o in observations]))
+    prior = prior.for_keypoints(body.keypoints.names, [o.confidence for o in observations])
     return [
         Reprojection(body, (view,), weights.robust_scale_sigma * scale),
         *regularisers(body, prior, weights, fps),

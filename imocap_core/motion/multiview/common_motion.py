@@ -27,7 +27,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
-from imocap_core.motion.monocular.fit import Progress, regularisers
+from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.modes import lasting_m, mode_shifts, spread_beyond_noise_m
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
@@ -333,8 +333,7 @@ def fit_in_stages(
         start = replace(start, scores=start.trans.new_zeros(1, len(cameras.R), len(shifts_m)))
     final = scene.fit.robust_scale_sigma
     views = CommonViews(scene.body, keypoints, cameras, final)
-    terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    terms += estimate_terms(scene, start.trans, options)
+    terms = [*scene.regularisers, *estimate_terms(scene, start.trans, options)]
     motion, costs, status, steps = start, list[float](), "", options.max_steps
     spread_m, starts, aligned = np.zeros(keypoints.weight.shape), [start], scene.aligned(state)
     if not cameras_known:  # which would be tilted to explain what differs throughout

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from imocap_core.body.layouts import point_shares
 from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.camera.projection import project_camera
-from imocap_core.motion.monocular.fit import Prediction, compared, regularisers, stretches
+from imocap_core.motion.monocular.fit import Prediction, compared, stretches
 from imocap_core.motion.multiview.common_motion import (
     CommonViews,
     estimate_terms,
@@ -76,8 +76,7 @@ def motion_of_others(
     views = with_keypoint_spread(views, common, spread.keypoints_m)
     rest = [u for u in range(len(scene.observations)) if u != v]
     fixed = scene.reference if v != scene.reference else rest[0]  # fixes the world's axes
-    terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    terms += estimate_terms(others, common.trans, options)
+    terms = [*others.regularisers, *estimate_terms(others, common.trans, options)]
     unknowns = unknowns_of(scene, [u for u in rest if u != fixed])
     return fit_common_motion(views, common, unknowns, terms, STEPS)[0]
 

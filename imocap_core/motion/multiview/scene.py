@@ -14,6 +14,7 @@ from torch import Tensor
 from imocap_core.camera.averaging import mean_rotation, mean_vector
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.gauss_newton import Solution, gauss_newton
+from imocap_core.motion.monocular.fit import regularisers
 from imocap_core.motion.multiview.timeline import (
     BeyondReference,
     Timeline,
@@ -181,6 +182,13 @@ class Scene:
     def keypoints(self) -> CommonKeypoints:
         """Every video's keypoints at the reference's frames."""
         return common_keypoints(self.observations, self.timeline)
+
+    @cached_property
+    def regularisers(self) -> list[Term]:
+        """Of the common motion (`monocular.fit.regularisers`)."""
+        shown = self.keypoints.weight.max(axis=0)
+        prior = self.prior.for_keypoints(self.body.keypoints.names, [shown])
+        return regularisers(self.body, prior, self.fit, self.fps)
 
     def aligned(self, state: MotionState) -> AlignedMotions:
         """Every video's motion at the reference's frames, in its own camera's axes."""
