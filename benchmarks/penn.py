@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +17,15 @@ from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import ActionDisplay, each
 from benchmarks.scoring import SetErrors, run_to_prediction, set_errors
 from benchmarks.tables import cell, markdown_table, write_texts
+from imocap_core.artifacts.schemas import Sync
 from imocap_core.body.layouts import layout_names
 from imocap_core.camera.projection import intrinsics
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
 from imocap_core.lifter.infer import lift
 from imocap_core.lifter.lifter_network import load_lifter, to_common
-from imocap_core.pipeline.runner import Display
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.runner import Display, Job
 from imocap_core.workspace import Workspace
 
 # Clips of Penn Action: hand-made labels in pixels, and groups of clips as actions.
@@ -191,9 +193,57 @@ def _middle(clip: Clip, joint: str) -> Float[np.ndarray, "T 2"]:
     )
 
 
-PARTS = ("groups", "lifter")
+# A clip of another action in the place of one of a group: whether the screening leaves it out.
+
+STRANGERS = 2  # of each group
+
+
+@dataclass(frozen=True)
+class Screened:
+    """How many of the strangers, and of the other clips beside them, were left out."""
+
+    strangers: int
+    left_out: int
+    others: int
+    others_left_out: int
+
+    @classmethod
+    def total(cls, parts: Sequence[Screened]) -> Screened:
+        """The sums."""
+        names = ("strangers", "left_out", "others", "others_left_out")
+        return cls(*(sum(getattr(part, name) for part in parts) for name in names))
+
+
+def with_strangers(
+    chosen: Mapping[str, Sequence[Sequence[Clip]]],
+) -> list[tuple[str, list[Clip], int]]:
+    """Every group with one clip replaced by one of another action: name, clips, whose number."""
+    rng, mixed = np.random.default_rng(SEED), []
+    for action, groups in chosen.items():
+        others = [clip for a, of_a in chosen.items() if a != action for g in of_a for clip in g]
+        for k, group in enumerate(groups if others else ()):
+            for n in range(STRANGERS):
+                place, stranger = int(rng.integers(GROUP)), others[int(rng.integers(len(others)))]
+                clips = [stranger if v == place else clip for v, clip in enumerate(group)]
+                mixed.append((f"{action}_{k:02d}{'ab'[n]}", clips, place))
+    return mixed
+
+
+def screened_group(
+    display: Display, root: Path, name: str, group: Sequence[Clip], stranger: int
+) -> Screened:
+    """Whom the synchronisation leaves out, at the defaults; stranger: its number."""
+    job, shown = _job(display, root, name, group)
+    done = {o.stage: o.stored for o in runner.run(job, shown, job.pipeline.upstream("sync"))}
+    sync = done["sync"].decode(Sync)
+    left_out = {sync.ids.index(video) for video in sync.excluded}
+    return Screened(1, stranger in left_out, len(group) - 1, len(left_out - {stranger}))
+
+
+PARTS = ("groups", "lifter", "strangers")
 HEAD = ("action", "groups", "left out, % of height", "within 10 %", "monocular, %")
 HEAD_LIFTER = ("clips", "lifter within 0.2 torso, %", "straight, %")
+HEAD_STRANGERS = ("strangers excluded", "others excluded")
 
 
 @dataclass(frozen=True)
@@ -204,6 +254,7 @@ class PennRow:
     groups: list[SetErrors]
     clips: int
     limbs: HiddenLimbs | None
+    screened: list[Screened]
 
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
@@ -220,14 +271,22 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         if "groups" in parts
     ]
     ends = list(each(group_errors, tasks, options.jobs, display))
+    mixed = [
+        (name, (workspace.root, name, group, stranger))
+        for name, group, stranger in (with_strangers(chosen) if "strangers" in parts else ())
+    ]
+    screened_ends = list(each(screened_group, mixed, options.jobs, display))
     errors = {end.name: end.result for end in ends if end.result is not None}
+    screened = {end.name: end.result for end in screened_ends if end.result is not None}
     faults = [f"{end.name}: {end.fault}" for end in ends if end.result is None]
+    faults += [f"{end.name}: {end.fault}" for end in screened_ends if end.result is None]
     rows = []
     for action, groups in chosen.items():
         shown = [clip for group in groups for clip in group]
         of_action = [e for name, e in errors.items() if name.rpartition("_")[0] == action]
         limbs = hidden_limbs(shown) if "lifter" in parts else None
-        rows.append(PennRow(action, of_action, len(shown), limbs))
+        of_strangers = [s for name, s in screened.items() if name.rpartition("_")[0] == action]
+        rows.append(PennRow(action, of_action, len(shown), limbs, of_strangers))
     text = markdown(rows)
     folder = workspace.root / "artifacts" / "benchmark" / "penn"
     write_texts(folder, {"table.md": text})
@@ -236,28 +295,40 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
 
 def group_errors(display: Display, root: Path, name: str, group: Sequence[Clip]) -> SetErrors:
     """The errors of one group, made and run at the defaults."""
+    job, shown = _job(display, root, name, group)
+    return set_errors(run_to_prediction(job, shown))
+
+
+def _job(
+    display: Display, root: Path, name: str, group: Sequence[Clip]
+) -> tuple[Job, ActionDisplay]:
+    """A group as an action that can be run."""
     folder = root / "artifacts" / "benchmark" / "penn"
     action, shown = folder / "actions" / name, ActionDisplay(display, name)
     make_group(action, group)
-    job = Workspace(folder).ready_job(str(action), [], shown)
-    return set_errors(run_to_prediction(job, shown))
+    return Workspace(folder).ready_job(str(action), [], shown), shown
 
 
 def markdown(rows: Sequence[PennRow]) -> str:
     """A row an action, and the median over all groups."""
-    cells = [_cells(row.action, row.groups, row.clips, row.limbs) for row in rows]
+    cells = [_cells(row.action, row.groups, row.clips, row.limbs, row.screened) for row in rows]
     every = [error for row in rows for error in row.groups]
     limbs = [row.limbs for row in rows if row.limbs is not None]
     mean = None
     if limbs:
         shares = [(x.lifter_pct, x.straight_pct) for x in limbs]
         mean = HiddenLimbs(*(float(x) for x in np.mean(shares, axis=0)))
-    cells.append(_cells("all", every, sum(row.clips for row in rows), mean))
-    return markdown_table((*HEAD, *HEAD_LIFTER), cells) + "\n"
+    screened = [s for row in rows for s in row.screened]
+    cells.append(_cells("all", every, sum(row.clips for row in rows), mean, screened))
+    return markdown_table((*HEAD, *HEAD_LIFTER, *HEAD_STRANGERS), cells) + "\n"
 
 
 def _cells(
-    name: str, groups: Sequence[SetErrors], clips: int, limbs: HiddenLimbs | None
+    name: str,
+    groups: Sequence[SetErrors],
+    clips: int,
+    limbs: HiddenLimbs | None,
+    screened: Sequence[Screened],
 ) -> list[str]:
     columns = [[g.error_pct, g.share_10, g.monocular_pct] for g in groups]
     medians = (
@@ -266,7 +337,12 @@ def _cells(
         else [cell(None, 2)] * 3
     )
     shares = (None, None) if limbs is None else (limbs.lifter_pct, limbs.straight_pct)
-    return [name, str(len(groups)), *medians, str(clips), *(cell(x, 1) for x in shares)]
+    s = Screened.total(screened)
+    counts = [f"{s.left_out} of {s.strangers}", f"{s.others_left_out} of {s.others}"]
+    return [
+        name, str(len(groups)), *medians, str(clips), *(cell(x, 1) for x in shares),
+        *(counts if screened else ["–", "–"]),
+    ]  # fmt: skip
 
 
 def _check(options: BenchmarkOptions, actions: Sequence[str]) -> None:

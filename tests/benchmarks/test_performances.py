@@ -1,16 +1,16 @@
-"""Sets of performances and groups of clips, what is measured of them, and captured joints on other
-bones."""
+"""Sets of performances, groups of clips, and captured joints on other bones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks import penn
 from benchmarks.actions import performers
 from benchmarks.actions.captured_videos import MAX_VIDEOS, PLACEMENTS, data_base, placement
 from benchmarks.angles import _accelerations, _peaks, bend_deg, peak_m_s
 from benchmarks.field import CURVES, STATISTICS
-from benchmarks.penn import GROUP, LIMBS, NAMES, Clip, groups_of, make_group, straight_px
 from benchmarks.performances import FILE, _first_scores, sizes
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.io.readers.keypoint_arrays import read_keypoints_npz
@@ -156,35 +156,39 @@ def test_a_hand_before_the_chest_is_ahead_and_a_bent_leg_is_bent() -> None:
     assert curve("knee_flexion_deg", video) == pytest.approx(90.0)
 
 
-def clips(count: int) -> list[Clip]:
-    rng = np.random.default_rng(3)
-    return [
-        Clip(n, "squat", (480, 360), rng.uniform(50, 300, (40, 13, 2)), np.ones((40, 13), bool))
-        for n in range(count)
-    ]
+def clips(count: int) -> list[penn.Clip]:
+    rng, seen = np.random.default_rng(3), np.ones((40, 13), bool)
+    xy_px = [rng.uniform(50, 300, (40, 13, 2)) for _ in range(count)]
+    return [penn.Clip(n, "squat", (480, 360), xy, seen) for n, xy in enumerate(xy_px)]
 
 
 def test_groups_are_disjoint_and_the_first_of_more_groups() -> None:
-    every, few = groups_of(clips(17), "squat", 10), groups_of(clips(17), "squat", 2)
+    every, few = penn.groups_of(clips(17), "squat", 10), penn.groups_of(clips(17), "squat", 2)
     ids = [clip.id for group in every for clip in group]
-    assert len(every) == 17 // GROUP
+    assert len(every) == 17 // penn.GROUP
     assert len(set(ids)) == len(ids)
     assert [[c.id for c in g] for g in few] == [[c.id for c in g] for g in every[:2]]
-    assert groups_of(clips(17), "bowl", 3) == []
+    assert penn.groups_of(clips(17), "bowl", 3) == []
+
+
+def test_a_mixed_group_has_one_clip_of_another_action_at_its_place() -> None:
+    bowls = [replace(clip, action="bowl") for clip in clips(4)]
+    for name, group, place in penn.with_strangers({"squat": [clips(4)], "bowl": [bowls]}):
+        assert [v for v in range(4) if not name.startswith(group[v].action)] == [place]
 
 
 def test_a_group_is_read_as_it_was_labelled(tmp_path: Path) -> None:
     group = clips(2)
-    make_group(tmp_path / "squat_00", group)
+    penn.make_group(tmp_path / "squat_00", group)
     people = read_keypoints_npz(tmp_path / "squat_00" / "keypoints" / "c0001.npz", "penn13")
     assert "penn13" in (tmp_path / "squat_00" / "action.yaml").read_text()
     assert people is not None
 
 
 def test_straight_motion_is_interpolated() -> None:
-    limb = LIMBS[0]
-    assert [NAMES[k] for k in limb] == ["left_elbow", "left_wrist"]
+    limb = penn.LIMBS[0]
+    assert [penn.NAMES[k] for k in limb] == ["left_elbow", "left_wrist"]
     xy = np.zeros((30, 13, 2)) + np.arange(30.0)[:, None, None]
     seen = np.ones((30, 13), bool)
     seen[10:20, limb] = False
-    assert straight_px(xy, seen, limb) == pytest.approx(xy[:, limb])
+    assert penn.straight_px(xy, seen, limb) == pytest.approx(xy[:, limb])

@@ -84,16 +84,10 @@ def test_an_action_that_is_its_own_mirror_image_is_never_flipped_and_it_is_said(
 def with_noise(videos: list[ScreenedVideo], share: float) -> list[ScreenedVideo]:
     """Normal noise on the keypoints, a share of their spread in the first video."""
     rng, spread = np.random.default_rng(3), np.ptp(videos[0].keypoints.xy_px, axis=(0, 1)).max()
-    return [
-        ScreenedVideo(
-            v.motion,
-            Keypoints2D(
-                v.keypoints.xy_px + rng.normal(0, share * spread, v.keypoints.xy_px.shape),
-                v.keypoints.weight,
-            ),
-        )
-        for v in videos
-    ]
+    films = [v.keypoints for v in videos]
+    xy_px = [k.xy_px + rng.normal(0, share * spread, k.xy_px.shape) for k in films]
+    noisy = [Keypoints2D(xy, k.weight) for xy, k in zip(xy_px, films, strict=True)]
+    return [ScreenedVideo(v.motion, k) for v, k in zip(videos, noisy, strict=True)]
 
 
 @pytest.mark.long

@@ -49,10 +49,8 @@ def of_genuine_videos() -> SyncResult:
 
 @pytest.mark.parametrize("where", [0, 3])
 def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(where: int) -> None:
-    rng = np.random.default_rng(12)
-    poses = [estimated(p, rng) for p in four_phases()]
-    alone = of_genuine_videos()
-    with_it = [*poses[:where], stranger(rng), *poses[where:]]
+    alone, poses = of_genuine_videos(), four_videos(12)
+    with_it = [*poses[:where], stranger(np.random.default_rng(13)), *poses[where:]]
     result = run_four(with_it)
     assert result.screening.excluded == (where,)
     assert np.isnan(result.reference_frame[where]).all()

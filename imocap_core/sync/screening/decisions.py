@@ -3,10 +3,10 @@
 A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
 and most videos clearly better as they are taken; where most do not, the action is nearly its own
 mirror image, and nothing is decided. Of several at once each has to be so many times as clear. A
-video shows another action where the others' motion explains it no better than a static pose would,
-much worse than they explain each other without it, and much less of its change over time than of
-theirs: who moves as they do, slower, from another side or badly in places, takes part. The clearest
-is decided first, and the rest is explained anew. What is not clear is reported, never acted on.
+video shows another action where the others' motion leaves much of its keypoints, its own motion
+leaves more of theirs than theirs do of each other's, and nothing tells whether it is mirrored. The
+clearest is decided first, and the rest is explained anew. What is not clear is reported, never
+acted on.
 """
 
 from __future__ import annotations
@@ -49,21 +49,15 @@ class Decisions:
     symmetric: bool = False
 
 
-LARGEST_SCORE = 1.1  # all but a few videos of one action stay below 1.07 (docs/sync.md)
+LARGEST_SCORE = 1.1  # of a video of one action; usual is below 0.9
 FEWEST = 3  # of two videos it is undecidable which of them is the other action
-# Natural logarithms of ratios of residuals, chosen on development scenes (docs/sync.md).
+# Natural logarithms of residuals, of their ratios, and of what reflection changes (docs/sync.md).
 CLEAR_REFLECTION = 0.3  # from which a video is mirrored
 DECIDABLE_REFLECTION = (
     0.33  # of the median video, from which an action differs from its mirror image
 )
 LEAST_ASYMMETRY = 0.13  # share of the spread, of a video and of three quarters of all
-ANOTHER_ACTION = 0.18  # score from which a video shows another action
-EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
-REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
-SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
-FOLLOWED = 0.4  # of the others' explained change: more is the same action
-LEAST_CHANGE = 0.05  # explained, below which nobody is compared
-EXPLAINED_OTHERS = -0.1  # the others' median excess over a static pose must lie below
+ANOTHER_ACTION, DOUBTFUL = -1.0, -1.15  # scores of another action, and worth a remark
 SIGN_ROUNDS = 3
 
 
@@ -103,17 +97,16 @@ def decide_by_keypoints(
         score[left] = _scores(members.explained)
         able = [v for v in left if not never_outliers[v]]
         suspect = max(able, key=lambda v: score[v], default=None) if look_outliers else None
-        if suspect is None or score[suspect] < SUSPICIOUS or len(left) < FEWEST:
+        if suspect is None or len(left) < FEWEST or score[suspect] <= ANOTHER_ACTION:
             break
-        rest = [v for v in left if v != suspect]
-        without = _explained(rest, videos, twins, pairs, fixed)
-        score[suspect] = _score_without(
-            members.explained, left.index(suspect), without.explained, twins
-        )
+        k = left.index(suspect)
+        corrected = with_sides_corrected(members.explained, k, twins)
+        score[suspect] = min(score[suspect], _scores(corrected)[k])
         if score[suspect] <= ANOTHER_ACTION or len(outliers) >= (M - 1) // 2:
             break
         outliers.append(suspect)
-        left, members = rest, without
+        left.remove(suspect)
+        members = _explained(left, videos, twins, pairs, fixed)
     mirrored = tuple(v for v, s in zip(left, members.signs, strict=True) if s < 0)
     doubtful = tuple(v for v in left if score[v] > DOUBTFUL) if look_outliers else ()
     return Decisions(
@@ -179,57 +172,10 @@ def _are_clear_together(explained: Explanations, flips: Bool[np.ndarray, " L"]) 
 
 
 def _scores(explained: Explanations) -> Float[np.ndarray, " L"]:
-    """Each video's score, the others explained with it."""
-    scores = []
-    for v in range(len(explained.residual)):
-        others = np.delete(explained.residual, v), np.delete(explained.change, v)
-        scores.append(_score(explained, v, _measures(explained, v), others))
-    return np.array(scores)
+    """How little each video and the others explain each other, as logarithms of residuals.
 
-
-def _score_without(
-    explained: Explanations, video: int, rest: Explanations, twins: Sequence[int]
-) -> float:
-    """The score of a video, the others explained without it; undecided if these are not clearly.
-
-    Where it would be another action, its left and right may have been swapped by the detector.
+    A stranger has no answer to whether it is mirrored; its changes are nobody's.
     """
-    others = rest.residual, rest.change
-    score = _score(explained, video, _measures(explained, video), others)
-    if score > ANOTHER_ACTION:
-        corrected = with_sides_corrected(explained, video, twins)
-        score = min(score, _score(explained, video, corrected, others))
-    are_explained = np.median(rest.static) <= EXPLAINED_OTHERS
-    return score if are_explained else min(score, ANOTHER_ACTION)
-
-
-def _measures(explained: Explanations, video: int) -> tuple[float, float, float]:
-    """A video's residual, the same over a static pose's, and its explained change."""
-    residual, static = float(explained.residual[video]), float(explained.static[video])
-    return residual, static, float(explained.change[video])
-
-
-def _score(
-    explained: Explanations,
-    video: int,
-    measures: tuple[float, float, float],
-    others: tuple[np.ndarray, np.ndarray],
-) -> float:
-    """How little the others' motion explains a video, by its poses and by its change over time,
-    whichever is less.
-
-    By its poses: its residual over a static pose's and over the others', less what tells whether it
-    is mirrored.
-
-    Args:
-        measures: as of `_measures`; others: residuals and explained change of the others.
-    """
-    residual, static, change = measures
-    median_residual, median_change = (float(np.median(x)) for x in others)
-    excess = np.log(max(residual, LEAST_RESIDUAL) / max(median_residual, LEAST_RESIDUAL))
-    mirrored = REFLECTION_WEIGHT * abs(float(explained.reflected[video]))
-    followed = max(change, 0.0) / max(median_change, LEAST_CHANGE)
-    by_poses = static + EXCESS_WEIGHT * excess - mirrored
-    if median_change < LEAST_CHANGE:  # too little changes to be compared
-        return float(by_poses)
-    return float(min(by_poses, ANOTHER_ACTION + FOLLOWED - followed))
+    residual = np.log(np.maximum(explained.residual, LEAST_RESIDUAL))
+    answers = np.abs(explained.reflected) + np.maximum(explained.change, 0.0)
+    return np.asarray(residual + explained.unlike - answers)

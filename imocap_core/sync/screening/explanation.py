@@ -5,20 +5,22 @@ each video is left out in turn, the others' keypoints are linearly triangulated 
 orthographic), and its keypoints registered with that motion, at its own speed. One video's
 monocular motion gives the time and a weak prior of every joint; registration with it tells each
 camera's direction, the corresponding frames, and each frame's scale and place. A second round
-registers with the motion of the first. Three measures tell all:
+registers with the motion of the first. Four measures tell all:
 
+* the residual, what the motion leaves of the keypoints;
 * the residual beside that of the reflected keypoints: a mirrored video has more as it is. Where the
   action is its own mirror image both are equal but for noise. A walk is that half a cycle later, so
   for this the motion is repeated and may begin anywhere;
-* the residual beside that of one static pose of the motion: another action fits no better;
 * how much of the keypoints' change over time the motion explains: nothing of another action's, and
-  much of the action's, also where poses are wrong in a lasting way, as a monocular depth is.
+  much of the action's, also where poses are wrong in a lasting way, as a monocular depth is;
+* what the video's own monocular motion leaves of the others' keypoints, beside what theirs leave of
+  each other's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 
@@ -49,14 +51,12 @@ class Registration:
 
     Attributes:
         residual: mean a frame, costs of the warp included, 0 (explained) to 1.
-        static_residual: the same of the motion's best single pose, held throughout.
         explained_change: of the keypoints over time; about 0 where chance alone matches them.
         axes: image axes (right, down) in the motion's axes.
         frames: (T,) of the motion.
     """
 
     residual: float
-    static_residual: float
     explained_change: float
     axes: Float[np.ndarray, "2 3"]
     frames: Int[np.ndarray, " T"]
@@ -87,8 +87,7 @@ def registered(
     refined = pose_residuals(motion, keypoints, axes[None])
     cost, frames = best_warp(refined[0])
     change = explained_change(np.nan_to_num(motion)[frames] @ axes.T, plane, weight)
-    static = float(residuals.mean(axis=1).min())
-    return Registration(cost / len(frames), static, change, axes, frames)
+    return Registration(cost / len(frames), change, axes, frames)
 
 
 def explained_change(
@@ -217,7 +216,7 @@ def _parts(
     """What each video adds to the normal equations, the reference's prior included."""
     joints = np.nan_to_num(motions[reference])
     motion = joints - joints.mean(axis=1, keepdims=True)
-    own_view = Registration(0.0, 1.0, 1.0, IMAGE_AXES, np.arange(len(motion)))
+    own_view = Registration(0.0, 1.0, IMAGE_AXES, np.arange(len(motion)))
     eye = np.broadcast_to(PRIOR * np.eye(3), (*motion.shape[:2], 3, 3))
     fixed = NormalMatrices(eye, PRIOR * motion)
     fixed += _normal_matrices(motion, keypoints[reference], own_view, 1.0)
@@ -288,16 +287,17 @@ class Explanations:
         reflected: residual as it is over residual reflected; negative is usual.
         asymmetry: root of the difference of their squares, with the sign of `reflected`: how far
             the action is from its mirror image, in shares of the keypoints' spread.
-        static: residual over that of one static pose; negative is usual, 0 for another action.
         change: share of the keypoints' change that is explained (`explained_change`).
+        unlike: what its own motion leaves of the others' keypoints over what theirs leave of each
+            other's; 0 is usual.
         videos: as they were explained; motions: the others' common motion, for each.
     """
 
     residual: Float[np.ndarray, " M"]
     reflected: Float[np.ndarray, " M"]
     asymmetry: Float[np.ndarray, " M"]
-    static: Float[np.ndarray, " M"]
     change: Float[np.ndarray, " M"]
+    unlike: Float[np.ndarray, " M"]
     videos: Sequence[ScreenedVideo]
     motions: Sequence[Float[np.ndarray, "_ J 3"]]
 
@@ -426,26 +426,35 @@ def explanations(
         squares = begun**2 - begun_mirrored**2
         signed = np.sign(squares) * np.sqrt(abs(squares))
         ratio = _ratio(begun, begun_mirrored)
-        static_ratio = _ratio(as_it_is.residual, as_it_is.static_residual)
-        rows.append((as_it_is.residual, ratio, signed, static_ratio, as_it_is.explained_change))
-    residual, reflected, asymmetry, static, change = np.array(rows).T
-    return Explanations(residual, reflected, asymmetry, static, change, upright, common)
+        rows.append((as_it_is.residual, ratio, signed, as_it_is.explained_change))
+    residual, reflected, asymmetry, change = np.array(rows).T
+    return Explanations(residual, reflected, asymmetry, change, _unlike(residuals), upright, common)
 
 
-def with_sides_corrected(
-    explained: Explanations, video: int, twins: Sequence[int]
-) -> tuple[float, float, float]:
-    """`residual`, `static` and `change` of a video whose left and right may be swapped at times.
+def _unlike(residuals: Float[np.ndarray, "M M"]) -> Float[np.ndarray, " M"]:
+    """`Explanations.unlike`, of the residuals of video j's keypoints with video i's motion."""
+    M = len(residuals)
+    if M < 3:
+        return np.zeros(M)
+    pairs = np.where(np.eye(M, dtype=bool), np.nan, residuals)
+    rest = [np.delete(np.arange(M), v) for v in range(M)]
+    return np.array(
+        [
+            _ratio(np.nanmedian(pairs[v]), np.nanmedian(pairs[np.ix_(u, u)]))
+            for v, u in enumerate(rest)
+        ]
+    )
 
-    The static pose is held against the keypoints as they are.
-    """
+
+def with_sides_corrected(explained: Explanations, video: int, twins: Sequence[int]) -> Explanations:
+    """With `residual` and `change` of a video whose left and right may be swapped at times."""
     motion, directions = explained.motions[video], unbiased_directions()
     keypoints = explained.videos[video].keypoints
     corrected, cost = sides_corrected(motion, keypoints, directions, twins)
     view = registered(motion, corrected, directions)
-    residual = view.residual + cost
-    gain = _ratio(residual, float(explained.residual[video]))
-    return residual, float(explained.static[video]) + gain, view.explained_change
+    residual, change = explained.residual.copy(), explained.change.copy()
+    residual[video], change[video] = view.residual + cost, view.explained_change
+    return replace(explained, residual=residual, change=change)
 
 
 def _ratio(first: float, second: float) -> float:

@@ -19,7 +19,7 @@ from imocap_core.workers import compiled
 
 DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left out
 STEEPEST = 0.9  # sine of a camera's elevation
-UNBIASED_DIRECTIONS = 48  # with as many reflected ones
+UNBIASED_DIRECTIONS, LEVEL = 80, 0.5  # with as many reflected ones; their steepest elevation
 REFLECTED_AXES = np.array([[1.0, -1.0, -1.0], [-1.0, 1.0, 1.0]])  # S R S of right and down
 MAX_STEP = 4  # positions that a warp may go on from one frame to the next
 HOLD_COST, SKIP_COST = 0.1, 0.02  # of staying at a position, of each position skipped beyond two
@@ -59,22 +59,24 @@ def reflected_keypoints(keypoints: Keypoints2D, twins: Sequence[int]) -> Keypoin
     return Keypoints2D(xy_px, keypoints.weight[:, columns])
 
 
-def camera_directions(count: int = DIRECTIONS) -> Float[np.ndarray, "D 2 3"]:
+def camera_directions(
+    count: int = DIRECTIONS, steepest: float = STEEPEST
+) -> Float[np.ndarray, "D 2 3"]:
     """Image axes (right, down) of level cameras on a Fibonacci sphere about the performer."""
     index = np.arange(count) + 0.5
     height = 1.0 - 2.0 * index / count
     angle = np.pi * (1.0 + np.sqrt(5.0)) * index
     radius = np.sqrt(1.0 - height**2)
     forward = np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=1)
-    forward = forward[np.abs(forward[:, 1]) < STEEPEST]
+    forward = forward[np.abs(forward[:, 1]) < steepest]
     right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     return np.stack([right, np.cross(forward, right)], axis=1)
 
 
 def unbiased_directions() -> Float[np.ndarray, "_D 2 3"]:
-    """Camera directions that are their own mirror image."""
-    axes = camera_directions(UNBIASED_DIRECTIONS)
+    """Directions of cameras about as level as the motion's own, that are their own mirror image."""
+    axes = camera_directions(UNBIASED_DIRECTIONS, LEVEL)
     return np.concatenate([axes, axes * REFLECTED_AXES])
 
 

@@ -117,7 +117,7 @@ def _pictures(
 
 ANOTHER_ACTION = "seems to show another action"
 NO_BODY = "has detections that fit no body"
-HARDLY_EXPLAINED = "is hardly better explained by the others' motion"
+HARDLY_EXPLAINED = "and the other videos hardly explain each other"
 REFLECTED = "fits the others"
 TWO_ARE_LEFT = "only two videos are left"
 
@@ -127,8 +127,8 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
     messages = [_outlier(screening, v, names[v]) for v in screening.outliers]
     messages += [_mirrored(screening, v, names[v]) for v in screening.mirrored]
     messages += [
-        f"{names[v]} {HARDLY_EXPLAINED} than by a pose that stands still, but it is not clear "
-        f"that it shows another action: it takes part"
+        f"{names[v]} {HARDLY_EXPLAINED}, but it is not clear that it shows another action: it "
+        f"takes part"
         for v in screening.undecided
     ]
     if screening.symmetric:
