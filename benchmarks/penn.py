@@ -193,31 +193,24 @@ def _middle(clip: Clip, joint: str) -> Float[np.ndarray, "T 2"]:
     )
 
 
-# A clip of another action in the place of one of a group: whether the screening leaves it out.
+# Strangers: one clip of a group replaced by one of another action, which screening should exclude.
 
 STRANGERS = 2  # of each group
 
 
 @dataclass(frozen=True)
 class Screened:
-    """How many of the strangers, and of the other clips beside them, were left out."""
+    """Whether the stranger was excluded, and how many of the others."""
 
-    strangers: int
-    left_out: int
+    stranger_excluded: bool
     others: int
-    others_left_out: int
-
-    @classmethod
-    def total(cls, parts: Sequence[Screened]) -> Screened:
-        """The sums."""
-        names = ("strangers", "left_out", "others", "others_left_out")
-        return cls(*(sum(getattr(part, name) for part in parts) for name in names))
+    others_excluded: int
 
 
 def with_strangers(
     chosen: Mapping[str, Sequence[Sequence[Clip]]],
 ) -> list[tuple[str, list[Clip], int]]:
-    """Every group with one clip replaced by one of another action: name, clips, whose number."""
+    """Groups with one clip replaced by another action's: name, clips, the stranger's number."""
     rng, mixed = np.random.default_rng(SEED), []
     for action, groups in chosen.items():
         others = [clip for a, of_a in chosen.items() if a != action for g in of_a for clip in g]
@@ -232,12 +225,12 @@ def with_strangers(
 def screened_group(
     display: Display, root: Path, name: str, group: Sequence[Clip], stranger: int
 ) -> Screened:
-    """Whom the synchronisation leaves out, at the defaults; stranger: its number."""
+    """Which clips the synchronisation excludes, at the defaults; stranger: its number."""
     job, shown = _job(display, root, name, group)
     done = {o.stage: o.stored for o in runner.run(job, shown, job.pipeline.upstream("sync"))}
     sync = done["sync"].decode(Sync)
-    left_out = {sync.ids.index(video) for video in sync.excluded}
-    return Screened(1, stranger in left_out, len(group) - 1, len(left_out - {stranger}))
+    excluded = {sync.ids.index(video) for video in sync.excluded}
+    return Screened(stranger in excluded, len(group) - 1, len(excluded - {stranger}))
 
 
 PARTS = ("groups", "lifter", "strangers")
@@ -337,8 +330,11 @@ def _cells(
         else [cell(None, 2)] * 3
     )
     shares = (None, None) if limbs is None else (limbs.lifter_pct, limbs.straight_pct)
-    s = Screened.total(screened)
-    counts = [f"{s.left_out} of {s.strangers}", f"{s.others_left_out} of {s.others}"]
+    strangers, others = (
+        sum(s.stranger_excluded for s in screened),
+        sum(s.others_excluded for s in screened),
+    )
+    counts = [f"{strangers} of {len(screened)}", f"{others} of {sum(s.others for s in screened)}"]
     return [
         name, str(len(groups)), *medians, str(clips), *(cell(x, 1) for x in shares),
         *(counts if screened else ["–", "–"]),

@@ -3,10 +3,9 @@
 A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
 and most videos clearly better as they are taken; where most do not, the action is nearly its own
 mirror image, and nothing is decided. Of several at once each has to be so many times as clear. A
-video shows another action where the others' motion leaves much of its keypoints, its own motion
-leaves more of theirs than theirs do of each other's, and nothing tells whether it is mirrored. The
-clearest is decided first, and the rest is explained anew. What is not clear is reported, never
-acted on.
+video shows another action where its keypoints have a large residual under the others' motion, and
+theirs under its own. The clearest is excluded first, and the rest is explained anew. Weak evidence
+is reported, never acted on.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ class Decisions:
         undecided: look like another action, but the evidence is not clear.
         symmetric: the action is nearly its own mirror image: no video can be called mirrored.
         margin: by how much (logarithm) a video fits the others better reflected; NaN if unknown.
-        score: how little the others explain a video; above `LARGEST_SCORE` is another action.
+        score: outlier score; above `LARGEST_SCORE` is another action.
     """
 
     mirrored: tuple[int, ...]
@@ -94,15 +93,12 @@ def decide_by_keypoints(
     members = _explained(left, videos, twins, pairs, fixed)
     while True:
         margin[left] = members.signs * members.explained.reflected
-        score[left] = _scores(members.explained)
+        score[left] = _scores(members.explained, twins)
         able = [v for v in left if not never_outliers[v]]
         suspect = max(able, key=lambda v: score[v], default=None) if look_outliers else None
-        if suspect is None or len(left) < FEWEST or score[suspect] <= ANOTHER_ACTION:
+        if suspect is None or score[suspect] <= ANOTHER_ACTION:
             break
-        k = left.index(suspect)
-        corrected = with_sides_corrected(members.explained, k, twins)
-        score[suspect] = min(score[suspect], _scores(corrected)[k])
-        if score[suspect] <= ANOTHER_ACTION or len(outliers) >= (M - 1) // 2:
+        if len(left) < FEWEST or len(outliers) >= (M - 1) // 2:
             break
         outliers.append(suspect)
         left.remove(suspect)
@@ -171,11 +167,21 @@ def _are_clear_together(explained: Explanations, flips: Bool[np.ndarray, " L"]) 
     )
 
 
-def _scores(explained: Explanations) -> Float[np.ndarray, " L"]:
-    """How little each video and the others explain each other, as logarithms of residuals.
+def _scores(explained: Explanations, twins: Sequence[int]) -> Float[np.ndarray, " L"]:
+    """Outlier scores, large where a video and the others explain each other badly.
 
-    A stranger has no answer to whether it is mirrored; its changes are nobody's.
+    The lower of two where left and right may be swapped in a video that would be an outlier.
     """
+    scores = _score(explained)
+    for video in np.flatnonzero(scores > ANOTHER_ACTION):
+        corrected = with_sides_corrected(explained, int(video), twins)
+        scores[video] = min(scores[video], _score(corrected)[video])
+    return scores
+
+
+def _score(explained: Explanations) -> Float[np.ndarray, " L"]:
+    """Logarithm of the residual, and dissimilarity, less what only the same action has: a clear
+    difference from the reflected video, and explained change."""
     residual = np.log(np.maximum(explained.residual, LEAST_RESIDUAL))
-    answers = np.abs(explained.reflected) + np.maximum(explained.change, 0.0)
-    return np.asarray(residual + explained.unlike - answers)
+    agreement = np.abs(explained.reflected) + np.maximum(explained.change, 0.0)
+    return np.asarray(residual + explained.dissimilarity - agreement)

@@ -7,14 +7,14 @@ monocular motion gives the time and a weak prior of every joint; registration wi
 camera's direction, the corresponding frames, and each frame's scale and place. A second round
 registers with the motion of the first. Four measures tell all:
 
-* the residual, what the motion leaves of the keypoints;
+* the residual of the video's keypoints;
 * the residual beside that of the reflected keypoints: a mirrored video has more as it is. Where the
   action is its own mirror image both are equal but for noise. A walk is that half a cycle later, so
   for this the motion is repeated and may begin anywhere;
 * how much of the keypoints' change over time the motion explains: nothing of another action's, and
   much of the action's, also where poses are wrong in a lasting way, as a monocular depth is;
-* what the video's own monocular motion leaves of the others' keypoints, beside what theirs leave of
-  each other's.
+* the residual of the others' keypoints under the video's monocular motion, beside that under each
+  other's.
 """
 
 from __future__ import annotations
@@ -288,8 +288,8 @@ class Explanations:
         asymmetry: root of the difference of their squares, with the sign of `reflected`: how far
             the action is from its mirror image, in shares of the keypoints' spread.
         change: share of the keypoints' change that is explained (`explained_change`).
-        unlike: what its own motion leaves of the others' keypoints over what theirs leave of each
-            other's; 0 is usual.
+        dissimilarity: residual of the others' keypoints under its monocular motion over that under
+            each other's; 0 is usual.
         videos: as they were explained; motions: the others' common motion, for each.
     """
 
@@ -297,7 +297,7 @@ class Explanations:
     reflected: Float[np.ndarray, " M"]
     asymmetry: Float[np.ndarray, " M"]
     change: Float[np.ndarray, " M"]
-    unlike: Float[np.ndarray, " M"]
+    dissimilarity: Float[np.ndarray, " M"]
     videos: Sequence[ScreenedVideo]
     motions: Sequence[Float[np.ndarray, "_ J 3"]]
 
@@ -428,22 +428,20 @@ def explanations(
         ratio = _ratio(begun, begun_mirrored)
         rows.append((as_it_is.residual, ratio, signed, as_it_is.explained_change))
     residual, reflected, asymmetry, change = np.array(rows).T
-    return Explanations(residual, reflected, asymmetry, change, _unlike(residuals), upright, common)
+    return Explanations(
+        residual, reflected, asymmetry, change, _dissimilarity(residuals), upright, common
+    )
 
 
-def _unlike(residuals: Float[np.ndarray, "M M"]) -> Float[np.ndarray, " M"]:
-    """`Explanations.unlike`, of the residuals of video j's keypoints with video i's motion."""
+def _dissimilarity(residuals: Float[np.ndarray, "M M"]) -> Float[np.ndarray, " M"]:
+    """`Explanations.dissimilarity`; residuals: of video j's keypoints under video i's motion."""
     M = len(residuals)
     if M < 3:
         return np.zeros(M)
-    pairs = np.where(np.eye(M, dtype=bool), np.nan, residuals)
-    rest = [np.delete(np.arange(M), v) for v in range(M)]
-    return np.array(
-        [
-            _ratio(np.nanmedian(pairs[v]), np.nanmedian(pairs[np.ix_(u, u)]))
-            for v, u in enumerate(rest)
-        ]
-    )
+    pairs = np.where(np.eye(M, dtype=bool), np.nan, np.maximum(residuals, LEAST_RESIDUAL))
+    others = [np.delete(np.arange(M), v) for v in range(M)]
+    among = [np.nanmedian(pairs[np.ix_(u, u)]) for u in others]
+    return np.asarray(np.log(np.nanmedian(pairs, axis=1)) - np.log(among))
 
 
 def with_sides_corrected(explained: Explanations, video: int, twins: Sequence[int]) -> Explanations:

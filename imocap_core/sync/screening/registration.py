@@ -19,7 +19,7 @@ from imocap_core.workers import compiled
 
 DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left out
 STEEPEST = 0.9  # sine of a camera's elevation
-UNBIASED_DIRECTIONS, LEVEL = 80, 0.5  # with as many reflected ones; their steepest elevation
+UNBIASED_DIRECTIONS, STEEPEST_UNBIASED = 80, 0.5  # with as many reflected ones
 REFLECTED_AXES = np.array([[1.0, -1.0, -1.0], [-1.0, 1.0, 1.0]])  # S R S of right and down
 MAX_STEP = 4  # positions that a warp may go on from one frame to the next
 HOLD_COST, SKIP_COST = 0.1, 0.02  # of staying at a position, of each position skipped beyond two
@@ -75,8 +75,8 @@ def camera_directions(
 
 
 def unbiased_directions() -> Float[np.ndarray, "_D 2 3"]:
-    """Directions of cameras about as level as the motion's own, that are their own mirror image."""
-    axes = camera_directions(UNBIASED_DIRECTIONS, LEVEL)
+    """Directions within 30 degrees of the motion's horizon, a set that is its own mirror image."""
+    axes = camera_directions(UNBIASED_DIRECTIONS, STEEPEST_UNBIASED)
     return np.concatenate([axes, axes * REFLECTED_AXES])
 
 

@@ -117,7 +117,7 @@ def _pictures(
 
 ANOTHER_ACTION = "seems to show another action"
 NO_BODY = "has detections that fit no body"
-HARDLY_EXPLAINED = "and the other videos hardly explain each other"
+WEAKLY_ALIKE = "resembles the others only weakly"
 REFLECTED = "fits the others"
 TWO_ARE_LEFT = "only two videos are left"
 
@@ -126,11 +126,7 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
     """One sentence per video that is an outlier or mirrored; `names` of the videos."""
     messages = [_outlier(screening, v, names[v]) for v in screening.outliers]
     messages += [_mirrored(screening, v, names[v]) for v in screening.mirrored]
-    messages += [
-        f"{names[v]} {HARDLY_EXPLAINED}, but it is not clear that it shows another action: it "
-        f"takes part"
-        for v in screening.undecided
-    ]
+    messages += [f"{names[v]} {WEAKLY_ALIKE}: it takes part" for v in screening.undecided]
     if screening.symmetric:
         messages.append(
             "these videos do not show whether one of them is mirrored (some actions are their own "
@@ -163,7 +159,7 @@ def corrected(
     outdated = tuple(
         f"{video} {reason}"
         for video in sorted(changed)
-        for reason in (ANOTHER_ACTION, HARDLY_EXPLAINED, REFLECTED)
+        for reason in (ANOTHER_ACTION, WEAKLY_ALIKE, REFLECTED)
     )
     outdated += (TWO_ARE_LEFT,)
     seemed = {
