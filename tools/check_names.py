@@ -29,7 +29,7 @@ BUDGETS = {
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
     "lines of the tests": 41_175,
-    "words of the documentation": 37_580,  # of all pages but the changelog, as `wc -w` counts
+    "words of the documentation": 37_575,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})
