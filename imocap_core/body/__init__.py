@@ -10,7 +10,6 @@ from imocap_core.body.model import (
     all_joints,
     keypoints_with_jacobian,
     points_with_blocks,
-    points_with_jacobian,
 )
 from imocap_core.body.points import PointSet, join_points, make_points, pick_points
 
@@ -29,5 +28,4 @@ __all__ = [
     "make_points",
     "pick_points",
     "points_with_blocks",
-    "points_with_jacobian",
 ]

@@ -1,8 +1,4 @@
-"""Forward kinematics of a joint tree, its centre of mass, and the types of bodies.
-
-Types of the bodies that keypoints and skinning work on (`model` imports both). For type checkers
-these are protocols. At run time they are `Any`: to check an instance against a protocol would
-compute all its cached arrays.
+"""Forward kinematics of a joint tree, and its centre of mass.
 
 Centre of mass of a body from its joints. Shares of the body's mass and the place of each segment's
 centre along it: de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, J.
@@ -12,8 +8,7 @@ centimetre or two is all that balance asks for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -25,72 +20,6 @@ from imocap_core.rotations import for_processor
 from imocap_core.workers import compiled
 
 Landmark = tuple[tuple[int, float], ...]  # (vertex, weight) pairs whose weights sum to 1
-
-if TYPE_CHECKING:
-
-    class ModelArrays(Protocol):
-        """The arrays of `Model`, which documents shapes and units."""
-
-        @property
-        def name(self) -> str: ...
-        @property
-        def joint_names(self) -> tuple[str, ...]: ...
-        @property
-        def parents(self) -> tuple[int, ...]: ...
-        @property
-        def v_template(self) -> Tensor: ...
-        @property
-        def shapedirs(self) -> Tensor: ...
-        @property
-        def weights(self) -> Tensor: ...
-        @property
-        def landmarks(self) -> Mapping[str, Landmark]: ...
-        @property
-        def joints_template(self) -> Tensor: ...
-        @property
-        def joints_shapedirs(self) -> Tensor: ...
-
-    class ShapedArrays(Protocol):
-        """The arrays of `Shaped`."""
-
-        @property
-        def model(self) -> ModelArrays: ...
-        @property
-        def coefficients(self) -> Tensor: ...
-        @property
-        def joints_rest(self) -> Tensor: ...
-        @property
-        def vertices_rest(self) -> Tensor: ...
-        @property
-        def weighted_rest(self) -> Tensor: ...
-
-    class PosedArrays(Protocol):
-        """The arrays of `Posed`."""
-
-        @property
-        def shaped(self) -> ShapedArrays: ...
-        @property
-        def R_local(self) -> Tensor: ...
-        @property
-        def R_world(self) -> Tensor: ...
-        @property
-        def transl(self) -> Tensor: ...
-        @property
-        def joints(self) -> Tensor: ...
-
-else:
-    ModelArrays = ShapedArrays = PosedArrays = Any
-
-
-def check_tree(parents: Sequence[int]) -> None:
-    """Raise ValueError unless joint 0 is the only root and every parent precedes its child."""
-    if not parents or parents[0] != -1:
-        raise ValueError("parents: joint 0 must be the root, with parent -1")
-    for joint, parent in enumerate(parents[1:], start=1):
-        if not 0 <= parent < joint:
-            raise ValueError(
-                f"parents: joint {joint} has parent {parent}, expected 0 to {joint - 1}"
-            )
 
 
 def ancestors(parents: Sequence[int]) -> Float[Tensor, "J J"]:

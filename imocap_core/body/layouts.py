@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.body.kinematics import ModelArrays
-from imocap_core.body.points import PointSet, make_points
+from imocap_core.body.points import ModelArrays, PointSet, make_points
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS, SMPLH_JOINTS
 
 _RUN = re.compile(r"^\((\w+)\) \* (\d+)$")

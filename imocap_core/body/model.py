@@ -26,9 +26,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core import rotations as so3
-from imocap_core.body.kinematics import Landmark, check_tree, joint_positions, world_rotations
+from imocap_core.body.kinematics import Landmark, joint_positions, world_rotations
 from imocap_core.body.layouts import layout_points
-from imocap_core.body.points import PointSet, place_points, rows_of, skin, turn, weighted_rest
+from imocap_core.body.points import PointSet, rows_of, turn
 from imocap_core.conventions import SMPLH_JOINTS
 from imocap_core.rotations import for_processor
 from imocap_core.workers import compiled
@@ -61,29 +61,6 @@ class Model:
     landmarks: Mapping[str, Landmark] = field(default_factory=dict)
     face_parts: Int[Tensor, " F"] | None = None
     part_names: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Check the shapes of the arrays; ValueError names every one that does not fit."""
-        check_tree(self.parents)
-        vertices, joints = self.v_template.shape[0], len(self.parents)
-        expected: dict[str, tuple[int, ...]] = {
-            "v_template": (vertices, 3),
-            "shapedirs": (vertices, 3, self.shapedirs.shape[-1]),
-            "J_regressor": (joints, vertices),
-            "weights": (vertices, joints),
-            "faces": (self.faces.shape[0], 3),
-        }
-        if self.face_parts is not None:
-            expected["face_parts"] = (self.faces.shape[0],)
-        wrong = [
-            f"{name} is {tuple(getattr(self, name).shape)}, expected {shape}"
-            for name, shape in expected.items()
-            if tuple(getattr(self, name).shape) != shape
-        ]
-        if len(self.joint_names) != joints:
-            wrong.append(f"{len(self.joint_names)} joint names, expected {joints}")
-        if wrong:
-            raise ValueError(f"body model {self.name}: " + "; ".join(wrong))
 
     @property
     def device(self) -> torch.device:
@@ -148,8 +125,15 @@ class Shaped:
 
     @cached_property
     def weighted_rest(self) -> Float[Tensor, "... P V"]:
-        """What skinning multiplies with poses, see `skinning.weighted_rest`."""
-        return weighted_rest(self)
+        """Rest vertices from each joint by their skinning weights, and the weights, P = 4 J.
+
+        The same for all poses of a shape, and half of the work of skinning 32 of them.
+        """
+        weights = self.model.weights
+        local = self.vertices_rest[..., None, :] - self.joints_rest[..., None, :, :]
+        weighted = (weights[..., None] * local).flatten(-2).transpose(-1, -2)  # (..., 3 J, V)
+        offsets = weights.T.expand(*weighted.shape[:-2], -1, -1)
+        return torch.cat((weighted, offsets), dim=-2)
 
     def pose(self, R_local: Float[Tensor, "..."], transl: Float[Tensor, "..."]) -> Posed:
         """The body in a pose.
@@ -185,11 +169,14 @@ class Posed:
 
     def keypoints(self, points: PointSet) -> Float[Tensor, "... K 3"]:
         """World positions of a layout's keypoints, metres."""
-        return place_points(self, points)
+        columns = points.levers(self.shaped.coefficients).flatten(-2).transpose(-1, -2)
+        placed = turn(rows_of(self.R_world), columns).transpose(-1, -2)
+        root = self.shaped.joints_rest[..., :1, :] + self.transl[..., None, :]
+        return placed + root
 
     def mesh(self) -> Mesh:
         """The skinned surface: needed for pictures and exports, not for fitting."""
-        return Mesh(skin(self), self.shaped.model.faces)
+        return Mesh(_skin(self), self.shaped.model.faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +185,40 @@ class Mesh:
 
     vertices: Float[Tensor, "... V 3"]
     faces: Int[Tensor, "F 3"]
+
+
+_BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
+
+
+def _skin(posed: Posed) -> Float[Tensor, "... V 3"]:
+    """Posed vertices, metres: linear blend skinning (Eq. 6). Bone k moves a rest vertex x to
+    ``R_k (x - rest_k) + joint_k``; a skinned vertex is the weighted mean over its bones."""
+    rest = posed.shaped.joints_rest
+    shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
+    if shared:
+        # one matrix product of all bones and weighted vertices
+        rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
+        return turn(rows, posed.shaped.weighted_rest).transpose(-1, -2)
+    return _skin_each(posed)
+
+
+def _skin_each(posed: Posed) -> Float[Tensor, "... V 3"]:
+    """Bodies of different shapes: a few at a time."""
+    shaped, model = posed.shaped, posed.shaped.model
+    batch = posed.joints.shape[:-2]
+    moved_rest = (posed.R_world @ shaped.joints_rest[..., None])[..., 0]
+    bones = torch.cat((posed.R_world, (posed.joints - moved_rest)[..., None]), dim=-1)
+    bones = bones.expand(*batch, -1, 3, 4).reshape(-1, len(model.parents), 3, 4)
+    bones = bones.movedim(1, -1)  # (N, 3, 4, J)
+    vertices = shaped.vertices_rest.transpose(-1, -2)
+    vertices = vertices.expand(*batch, *vertices.shape[-2:]).reshape(-1, *vertices.shape[-2:])
+    done = []
+    for first in range(0, len(bones), _BODIES_AT_ONCE):
+        part = slice(first, first + _BODIES_AT_ONCE)
+        rest = vertices[part]
+        blended = bones[part] @ model.weights.T  # (n, 3, 4, V)
+        done.append((blended[:, :, :3] * rest[:, None]).sum(2) + blended[:, :, 3])
+    return torch.cat(done).transpose(-1, -2).unflatten(0, batch) if batch else done[0][0].T
 
 
 # The joints of one hand in SMPL+H's order: index, middle, pinky, ring (three each), thumb.
@@ -253,12 +274,7 @@ def keypoints_with_jacobian(
         (coefficients (n,) or (M, 1, n)) is the fast case.
     R_local: rotations relative to the parent joint. transl: metres.
     """
-    return points_with_jacobian(shaped.pose(R_local, transl), points)
-
-
-def points_with_jacobian(posed: Posed, points: PointSet) -> KeypointsWithJacobian:
-    """`keypoints_with_jacobian` of posed bodies."""
-    xyz, blocks, d_shape = points_with_blocks(posed, points)
+    xyz, blocks, d_shape = points_with_blocks(shaped.pose(R_local, transl), points)
     return xyz, all_joints(blocks, points), d_shape
 
 
@@ -267,7 +283,7 @@ def points_with_blocks(
 ) -> tuple[Float[Tensor, "... K 3"], Float[Tensor, "... N 3 3"], Float[Tensor, "... K 3 n"]]:
     """The same, of derivatives by pose only what may differ from 0: `PointSet.pairs`."""
     shaped, rows = posed.shaped, rows_of(posed.R_world)
-    levers = points.levers(shaped)
+    levers = points.levers(shaped.coefficients)
     placed = turn(rows, levers.flatten(-2).transpose(-1, -2)).transpose(-1, -2)
     xyz = placed + shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
     blocks = _by_pose(posed.R_world, rows, levers, points)

@@ -1,4 +1,4 @@
-"""Keypoints as levers: joints and surface points without skinning; and the skinning of all.
+"""Keypoints as levers: joints and surface points without skinning.
 
 A point that is a weighted mean of joints and skinned vertices is
 
@@ -8,9 +8,6 @@ where lever_k, a vector in the frame of joint k, is linear in the shape. It is t
 surface vertices that joint k moves, by their weights, and of its bones towards the joints below
 that move the rest.
 So a layout on any number of bodies is one matrix product, and so are its derivatives.
-
-Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015). Bone k moves a rest
-vertex x to ``R_k (x - rest_k) + joint_k``; a skinned vertex is the weighted mean over its bones.
 """
 
 from __future__ import annotations
@@ -18,13 +15,41 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from imocap_core.body.kinematics import ModelArrays, PosedArrays, ShapedArrays, ancestors
+from imocap_core.body.kinematics import Landmark, ancestors
+
+if TYPE_CHECKING:
+
+    class ModelArrays(Protocol):
+        """Arrays of `Model`, whose file imports this one."""
+
+        @property
+        def name(self) -> str: ...
+        @property
+        def joint_names(self) -> tuple[str, ...]: ...
+        @property
+        def parents(self) -> tuple[int, ...]: ...
+        @property
+        def v_template(self) -> Tensor: ...
+        @property
+        def shapedirs(self) -> Tensor: ...
+        @property
+        def weights(self) -> Tensor: ...
+        @property
+        def landmarks(self) -> Mapping[str, Landmark]: ...
+        @property
+        def joints_template(self) -> Tensor: ...
+        @property
+        def joints_shapedirs(self) -> Tensor: ...
+
+else:  # to check an instance against a protocol would compute all its cached arrays
+    ModelArrays = Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +84,10 @@ class PointSet:
         point_of, joint_of = (x.cpu().numpy() for x in self.pairs)
         return np.searchsorted(point_of, np.arange(len(self.names) + 1)), joint_of
 
-    def levers(self, shaped: ShapedArrays) -> Float[Tensor, "... K J 3"]:
+    def levers(self, coefficients: Float[Tensor, "... n"]) -> Float[Tensor, "... K J 3"]:
         """Levers of a shape."""
-        count = shaped.coefficients.shape[-1]
-        directions = self.levers_shapedirs[..., :count]
-        offsets = shaped.coefficients @ directions.flatten(0, -2).T
+        directions = self.levers_shapedirs[..., : coefficients.shape[-1]]
+        offsets = coefficients @ directions.flatten(0, -2).T
         return self.levers_template + offsets.unflatten(-1, self.levers_template.shape)
 
 
@@ -90,10 +114,8 @@ def make_points(
 
     Raises ValueError for points whose weights do not sum to 1 (they would not move with the body).
     """
-    joints, vertices = (
-        _table(joint_shares, len(model.parents)),
-        sorted({v for shares in vertex_shares for v in shares}),
-    )
+    joints = _table(joint_shares, len(model.parents))
+    vertices = sorted({v for shares in vertex_shares for v in shares})
     shares = torch.zeros(len(names), len(vertices), dtype=torch.float64)
     for row, mix in enumerate(vertex_shares):
         for vertex, share in mix.items():
@@ -109,8 +131,6 @@ def make_points(
 
 def join_points(sets: Sequence[PointSet]) -> PointSet:
     """Several sets of points on one model as one, in order; `columns` are those of each layout."""
-    if not sets:
-        raise ValueError("join_points: expected at least one set of points")
     if len(sets) == 1:
         return sets[0]
     return PointSet(
@@ -193,56 +213,3 @@ def turn(
         return rows @ columns
     stacked = rows.flatten(-3, -2) @ columns.squeeze(-3)
     return stacked.unflatten(-2, (-1, 3))
-
-
-def place_points(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K 3"]:
-    """World positions of the points, metres."""
-    columns = points.levers(posed.shaped).flatten(-2).transpose(-1, -2)
-    placed = turn(rows_of(posed.R_world), columns).transpose(-1, -2)
-    root = posed.shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
-    return placed + root
-
-
-_BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
-
-
-def skin(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
-    """Posed vertices, metres."""
-    rest = posed.shaped.joints_rest
-    shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
-    if shared:
-        # one matrix product of all bones and weighted vertices
-        rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
-        return turn(rows, posed.shaped.weighted_rest).transpose(-1, -2)
-    return _skin_each(posed)
-
-
-def weighted_rest(shaped: ShapedArrays) -> Float[Tensor, "... P V"]:
-    """Rest vertices from each joint by their skinning weights, and the weights, P = 4 J.
-
-    The same for all poses of a shape, and half of the work of skinning 32 of them.
-    """
-    weights = shaped.model.weights
-    local = shaped.vertices_rest[..., None, :] - shaped.joints_rest[..., None, :, :]
-    weighted = (weights[..., None] * local).flatten(-2).transpose(-1, -2)  # (..., 3 J, V)
-    offsets = weights.T.expand(*weighted.shape[:-2], -1, -1)
-    return torch.cat((weighted, offsets), dim=-2)
-
-
-def _skin_each(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
-    """Bodies of different shapes: a few at a time."""
-    shaped, model = posed.shaped, posed.shaped.model
-    batch = posed.joints.shape[:-2]
-    moved_rest = (posed.R_world @ shaped.joints_rest[..., None])[..., 0]
-    bones = torch.cat((posed.R_world, (posed.joints - moved_rest)[..., None]), dim=-1)
-    bones = bones.expand(*batch, -1, 3, 4).reshape(-1, len(model.parents), 3, 4)
-    bones = bones.movedim(1, -1)  # (N, 3, 4, J)
-    vertices = shaped.vertices_rest.transpose(-1, -2)
-    vertices = vertices.expand(*batch, *vertices.shape[-2:]).reshape(-1, *vertices.shape[-2:])
-    done = []
-    for first in range(0, len(bones), _BODIES_AT_ONCE):
-        part = slice(first, first + _BODIES_AT_ONCE)
-        rest = vertices[part]
-        blended = bones[part] @ model.weights.T  # (n, 3, 4, V)
-        done.append((blended[:, :, :3] * rest[:, None]).sum(2) + blended[:, :, 3])
-    return torch.cat(done).transpose(-1, -2).unflatten(0, batch) if batch else done[0][0].T
