@@ -31,13 +31,8 @@ def geman_mcclure(squared: Values, scale: float) -> tuple[Values, Values]:
         cost: (...) ``scale^2 s / (scale^2 + s)``; weight: (...) its derivative by ``s``,
         ``(scale^2 / (scale^2 + s))^2``, in (0, 1]: 1 for inliers, 1/4 at ``scale``, 0 for outliers.
     """
-    root = geman_mcclure_root(squared, scale)
+    root = scale**2 / (scale**2 + squared)
     return squared * root, root**2
-
-
-def geman_mcclure_root(squared: Values, scale: float) -> Values:
-    """Square root (...) of the weight: what a residual and its derivative are multiplied by."""
-    return scale**2 / (scale**2 + squared)
 
 
 def geman_mcclure_weight(residual: Values, scale: float, prior: Values | float = 1.0) -> Values:

@@ -32,9 +32,6 @@ class AlignedPerformances:
         R_local: rotations against the parent; joint 0 world from body.
         joints: metres from the pelvis, of one and the same body for all.
         inside: whether the performance shows that moment.
-
-    Raises:
-        ValueError: the shapes do not belong together; names every array that does not fit.
     """
 
     ids: tuple[str, ...]
@@ -43,21 +40,6 @@ class AlignedPerformances:
     R_local: Float[np.ndarray, "M N J 3 3"]
     joints: Float[np.ndarray, "M N J 3"]
     inside: Bool[np.ndarray, "M N"]
-
-    def __post_init__(self) -> None:
-        M, N, J = len(self.ids), len(self.phase_s), len(self.joint_names)
-        expected: dict[str, tuple[int, ...]] = {
-            "R_local": (M, N, J, 3, 3),
-            "joints": (M, N, J, 3),
-            "inside": (M, N),
-        }
-        wrong = [
-            f"{name}: expected {shape}, got {getattr(self, name).shape}"
-            for name, shape in expected.items()
-            if getattr(self, name).shape != shape
-        ]
-        if wrong:
-            raise ValueError("performances: " + "; ".join(wrong))
 
     @property
     def shown(self) -> Int[np.ndarray, " N"]:

@@ -25,9 +25,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from imocap_core.biomechanics.segments import (
-    LIMB_SEGMENTS,
     MIRROR,
-    TRUNK_SEGMENTS,
+    SEGMENTS,
     anatomical_axes,
     forearm_axis,
     joint_index,
@@ -221,7 +220,6 @@ def _angles_of(
     }
 
 
-SEGMENTS = {**TRUNK_SEGMENTS, **LIMB_SEGMENTS}
 OTHER = {"left_": "right_", "right_": "left_"}
 TWINS = [  # of each joint its counterpart on the other side
     ANATOMICAL_JOINTS.index(re.sub("left_|right_", lambda side: OTHER[side[0]], joint))

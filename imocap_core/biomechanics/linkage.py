@@ -238,14 +238,6 @@ JOINTS_OF = {  # whose vertices make up a segment
     "forearm": ("elbow",),
     "hand": ("wrist", "hand"),
 }
-SHARE_FROM = {  # the proximal joint of de Leva's segment
-    "thigh": "hip",
-    "shank": "knee",
-    "foot": "ankle",
-    "humerus": "shoulder",
-    "forearm": "elbow",
-    "hand": "wrist",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +290,7 @@ def _volume_m3(vertices_m: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3
 def _shares() -> dict[str, float]:
     """Each segment's share of the body's mass; the trunk's lower third is the pelvis'."""
     by_start = {start: share for start, _, share, _ in (*MIDDLE_SEGMENTS, *LIMB_SEGMENTS)}
-    shares = {segment: by_start[start] for segment, start in SHARE_FROM.items()}
+    shares = {segment: by_start[ORIGINS[segment][0]] for segment in SIDED}
     thorax = by_start["spine1"] + by_start["spine3"]
     return shares | {"head": by_start["neck"], "thorax": thorax, "pelvis": by_start["pelvis"]}
 

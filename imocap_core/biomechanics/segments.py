@@ -43,12 +43,10 @@ class SegmentAxes:
     lateral: tuple[float, float, float]
 
 
-TRUNK_SEGMENTS = {
+SEGMENTS = {
     "pelvis": SegmentAxes("pelvis", None, None, RIGHT),
     "thorax": SegmentAxes("spine3", None, None, RIGHT),
     "head": SegmentAxes("head", None, None, RIGHT),
-}
-LIMB_SEGMENTS = {
     "thigh": SegmentAxes("hip", "hip", "knee", RIGHT),
     "shank": SegmentAxes("knee", "knee", "ankle", RIGHT),
     "foot": SegmentAxes("ankle", None, None, RIGHT),
@@ -71,7 +69,7 @@ def anatomical_axes(
     R = flip @ global_rotations(R_local) @ flip
     rest = rest_m @ flip
     axes = {}
-    for segment, of in {**TRUNK_SEGMENTS, **LIMB_SEGMENTS}.items():
+    for segment, of in SEGMENTS.items():
         turned = R[:, joint_index(of.joint, side)]
         if segment == "forearm":
             turned = turned @ _forearm_twist(flip @ R_local @ flip, rest, side)
@@ -88,8 +86,10 @@ def rest_axes(
     """
     flip = MIRROR if side == "left" else np.eye(3)
     to_right = np.diag([1.0, 1.0, np.linalg.det(flip)])
-    parts = {**TRUNK_SEGMENTS, **LIMB_SEGMENTS}.items()
-    return {s: flip @ segment_rest_axes(of, rest_m @ flip, side) @ to_right for s, of in parts}
+    return {
+        segment: flip @ segment_rest_axes(of, rest_m @ flip, side) @ to_right
+        for segment, of in SEGMENTS.items()
+    }
 
 
 def global_rotations(R_local: Float[np.ndarray, "T 24 3 3"]) -> Float[np.ndarray, "T 24 3 3"]:

@@ -240,13 +240,9 @@ def with_common_motion(scene: Scene, result: JointMotion, options: MotionParams)
 
 
 def common_evidence(scene: Scene, result: JointMotion, options: MotionParams) -> CommonEvidence:
-    """The evidence for a result's common motion.
-
-    Raises:
-        ValueError: the result has no common motion (`with_common_motion` estimates one).
-    """
-    if result.common is None or result.spread is None:
-        raise ValueError("result: expected a common motion and its spread, got none")
+    """The evidence for a result's common motion (`with_common_motion` estimates one)."""
+    assert result.common is not None
+    assert result.spread is not None
     keypoints = replace(scene.keypoints, offset_sd=result.spread.offset_sd)
     views = CommonViews(scene.body, keypoints, result.cameras, scene.fit.robust_scale_sigma)
     views = with_keypoint_spread(views, result.common, result.spread.keypoints_m)

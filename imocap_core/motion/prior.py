@@ -63,7 +63,7 @@ class PosePrior:
         return smallest.values, smallest.indices
 
     def for_keypoints(
-        self, names: Sequence[str], weights: Sequence[Float[np.ndarray, "T K"]]
+        self, names: Sequence[str], weights: Sequence[Float[np.ndarray, "_ K"]]
     ) -> PosePrior:
         """That of hidden legs where keypoints hardly ever show one; else itself.
 

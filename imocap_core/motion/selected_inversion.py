@@ -78,11 +78,9 @@ _Front = tuple[Tensor, Tensor]  # columns of the next two frames, after the elim
 
 def selected_inverse(
     diagonal: Float[Tensor, "T n n"],
-    next1: Float[Tensor, "..."],
-    next2: Float[Tensor, "..."],
+    next1: Float[Tensor, "T n n"],
+    next2: Float[Tensor, "T n n"],
     right: Callable[[int], Float[Tensor, "n k"]] | None = None,
-    *,
-    held: int = HELD,
 ) -> Iterator[InversePiece]:
     """The inverse's diagonal blocks and the solution of a linear system, last frames first.
 
@@ -90,16 +88,9 @@ def selected_inverse(
         diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2), of equal shape; the last one of
             ``next1`` and the last two of ``next2`` are ignored.
         right: the right-hand sides of a frame; none by default.
-        held: frames whose factors are in memory at once.
-
-    Raises:
-        ValueError: the three have different or no block shapes.
     """
-    if not diagonal.shape == next1.shape == next2.shape or diagonal.ndim != 3:
-        got = [tuple(x.shape) for x in (diagonal, next1, next2)]
-        raise ValueError(f"diagonal, next1 and next2 must be three arrays (T, n, n), got {got}")
     system = _System(diagonal, next1, next2, right or (lambda t: diagonal[t, :, :0]))
-    return _backwards(system, [*_spans(range(len(diagonal)), held)])
+    return _backwards(system, [*_spans(range(len(diagonal)), HELD)])
 
 
 def _backwards(system: _System, spans: list[range]) -> Iterator[InversePiece]:

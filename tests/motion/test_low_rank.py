@@ -38,11 +38,6 @@ def test_rows_have_the_rank_and_are_the_nearest(rank: int) -> None:
     )
 
 
-def test_rank_must_be_positive() -> None:
-    with pytest.raises(ValueError, match="at least 1, got 0"):
-        low_rank_rows(torch.zeros(2, 3), torch.ones(2), 0)
-
-
 def test_equal_poses_are_their_own_low_rank() -> None:
     R = rotations(1, 6, 24).expand(4, -1, -1, -1, -1)
     for rank in (1, 2):

@@ -112,11 +112,9 @@ def test_a_system_reduced_in_place_gives_the_same_step_and_is_gone() -> None:
 N = 4
 
 
-def blocks(
-    diagonal: Tensor, next1: Tensor, next2: Tensor, held: int = selected_inversion.HELD
-) -> Tensor:
+def blocks(diagonal: Tensor, next1: Tensor, next2: Tensor) -> Tensor:
     """(T, n, n) of the inverse."""
-    pieces = [*selected_inverse(diagonal, next1, next2, held=held)]
+    pieces = [*selected_inverse(diagonal, next1, next2)]
     return torch.cat([piece.diagonal for piece in pieces[::-1]])
 
 
@@ -147,7 +145,8 @@ def test_repeated_elimination_changes_nothing(held: int, monkeypatch: pytest.Mon
     system = diagonal[0], next1[0], next2[0], lambda t: right[t]
     (whole,) = selected_inverse(*system)
     monkeypatch.setattr(selected_inversion, "PIECE", 2)
-    pieces: list[InversePiece] = [*selected_inverse(*system, held=held)][::-1]
+    monkeypatch.setattr(selected_inversion, "HELD", held)
+    pieces: list[InversePiece] = [*selected_inverse(*system)][::-1]
     assert [t for p in pieces for t in range(p.frames.start, p.frames.stop)] == [*range(11)]
     assert torch.equal(torch.cat([p.diagonal for p in pieces]), whole.diagonal)
     assert torch.equal(torch.cat([p.solution for p in pieces]), whole.solution)
@@ -168,9 +167,3 @@ def test_a_matrix_that_is_not_positive_definite_gives_nan() -> None:
     diagonal, next1, next2, _ = banded(4, 3, accelerations=True)
     diagonal[0, 2] -= 100 * torch.eye(3, dtype=torch.float64)
     assert blocks(diagonal[0], next1[0], next2[0]).isnan().all()
-
-
-def test_blocks_of_different_lengths_are_named() -> None:
-    diagonal, next1, next2, _ = banded(4, 3, accelerations=True)
-    with pytest.raises(ValueError, match=r"three arrays \(T, n, n\)"):
-        blocks(diagonal[0], next1[0, 1:], next2[0])

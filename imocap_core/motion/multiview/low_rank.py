@@ -53,12 +53,7 @@ def low_rank_rows(
 
     Returns:
         The projections, also of rows of weight 0.
-
-    Raises:
-        ValueError: rank below 1.
     """
-    if rank < 1:
-        raise ValueError(f"rank: expected at least 1, got {rank}")
     share = weight / weight.sum(-1, keepdim=True).clamp_min(1e-12)
     mean = (share[..., None] * rows).sum(-2, keepdim=True)
     if rank == 1:
@@ -130,7 +125,7 @@ def low_rank_round(
     path_weight = torch.full_like(targets.trust, options.coupling_path_m**-2)
     terms = per_video_terms(scene, state.trans)
     terms += coupling_terms(scene.body, targets, state, joint_weight, path_weight)
-    solution = solve(terms, state, options.max_steps, performers=scene.performers)
+    solution = solve(terms, state, options.max_steps, scene.performers)
     state = solution.state
     cameras = cameras_from_motion(scene, state, cameras.K)
     if pnp:

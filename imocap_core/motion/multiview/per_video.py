@@ -321,11 +321,11 @@ def fit_deviations(
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
     terms += deviation_terms(scene, carried, common, targets, spread, options, faces)
-    solution = solve(terms, start, options.max_steps, performers=scene.performers)
+    solution = solve(terms, start, options.max_steps, scene.performers)
     lost = frames_lost(scene, solution.state, state)
     if lost.any():
         start = _replaced(solution.state, state, lost)
-        solution = solve(terms, start, options.max_steps, performers=scene.performers)
+        solution = solve(terms, start, options.max_steps, scene.performers)
     return solution.state, solution.costs[-1]
 
 
@@ -440,4 +440,4 @@ def follow_common(
     joints = matched[..., None].expand(*matched.shape, 24) / SAME_RAD**2
     coupling = coupling_terms(scene.body, targets, start, joints, matched / SAME_M**2)
     terms = [*per_video_terms(scene, start.trans), *coupling]
-    return solve(terms, start, options.max_steps, performers=scene.performers).state
+    return solve(terms, start, options.max_steps, scene.performers).state

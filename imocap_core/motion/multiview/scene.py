@@ -54,18 +54,6 @@ def root_positions(body: Body, state: MotionState) -> Float[Tensor, "B T 3"]:
     return state.trans + rest[:, None]
 
 
-def align(body: Body, state: MotionState, timeline: Timeline) -> AlignedMotions:
-    """Sample every motion at the reference's frames."""
-    root = root_positions(body, state)
-    R, p = [], []
-    for v, position in enumerate(timeline.from_reference):
-        length = int(state.valid[v].sum())
-        R.append(sample_rotations(state.R_local[v, :length], position))
-        p.append(sample(root[v, :length], position))
-    weight = torch.as_tensor(timeline.confidence).to(root)
-    return AlignedMotions(torch.stack(R), torch.stack(p), weight)
-
-
 @dataclass(frozen=True)
 class Cameras:
     """One camera a video: ``x_cam = R x_world + t``; the world is the reference's camera axes.
@@ -192,7 +180,14 @@ class Scene:
 
     def aligned(self, state: MotionState) -> AlignedMotions:
         """Every video's motion at the reference's frames, in its own camera's axes."""
-        return align(self.body, state, self.timeline)
+        root = root_positions(self.body, state)
+        R, p = [], []
+        for v, position in enumerate(self.timeline.from_reference):
+            length = int(state.valid[v].sum())
+            R.append(sample_rotations(state.R_local[v, :length], position))
+            p.append(sample(root[v, :length], position))
+        weight = torch.as_tensor(self.timeline.confidence).to(root)
+        return AlignedMotions(torch.stack(R), torch.stack(p), weight)
 
     @property
     def K(self) -> Float[Tensor, "M 3 3"]:
@@ -280,20 +275,15 @@ def with_intrinsics(observations: Sequence[Observation], cameras: Cameras) -> li
 
 
 def solve(
-    terms: Sequence[Term],
-    state: MotionState,
-    max_steps: int,
-    *,
-    performers: Sequence[int] | None = None,
+    terms: Sequence[Term], state: MotionState, max_steps: int, performers: Sequence[int]
 ) -> Solution:
-    """Minimise by damped Gauss-Newton; the motions of one of the ``performers`` share their shape,
-    without any every motion has its own."""
+    """Minimise by damped Gauss-Newton; motions of one of the ``performers`` share their shape."""
     return gauss_newton(
         terms,
         state,
         max_steps=max_steps,
         relative_tolerance=TOLERANCE,
-        shared_globals=performers is not None,
+        shared_globals=True,
         bodies=performers,
     )
 

@@ -190,16 +190,14 @@ def common_then_deviations(
     solved = scene.with_intrinsics(common.cameras)
     if options.objective == "single":
         state = follow_common(solved, state, common.motion, common.cameras, options)
-        return _joint_motion(scene, common, state, f"one motion for all: {common.status}")
+        return _joint_motion(common, state, f"one motion for all: {common.status}")
     progress("each video's own deviation")
     given = solved, state, common.motion, common.cameras, common.spread, options
     state, cost = fit_deviations(*given, restart=restart)
-    return _joint_motion(scene, common, state, f"shared motion {common.status}", cost)
+    return _joint_motion(common, state, f"shared motion {common.status}", cost)
 
 
-def _joint_motion(
-    scene: Scene, common: CommonFit, state: MotionState, status: str, *costs: float
-) -> JointMotion:
+def _joint_motion(common: CommonFit, state: MotionState, status: str, *costs: float) -> JointMotion:
     """A common motion and every video's; costs: of what was fitted after the common one."""
     return JointMotion(
         state, common.cameras, common.motion.uncached(), common.spread, [*common.costs, *costs],
