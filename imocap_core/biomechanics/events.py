@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -48,15 +48,6 @@ class MotionEvent:
     value: float
     sd: float
     unit: Unit
-
-    def later(self, frames: int) -> MotionEvent:
-        """The same event, counted from an earlier first frame."""
-        return replace(
-            self,
-            index=self.index + frames,
-            earliest=self.earliest + frames,
-            latest=self.latest + frames,
-        )
 
 
 def foot_contact_events(
@@ -166,11 +157,8 @@ def angle_events(
             part, sds = angle[first : last + 1], sd[first : last + 1]
             middle = np.median(sds[np.isfinite(sds)]) if np.isfinite(sds).any() else 0.0
             least = max(PEAK_ANGLE_DEG, PEAK_ANGLE_SDS * middle)
-            turning = [
-                *_turning_points("largest", name, part, sds, least, "deg"),
-                *_turning_points("smallest", name, part, sds, least, "deg"),
-            ]
-            events += [event.later(first) for event in turning]
+            events += _turning_points("largest", name, part, sds, least, "deg", first)
+            events += _turning_points("smallest", name, part, sds, least, "deg", first)
     return events
 
 
@@ -181,15 +169,17 @@ def _turning_points(
     sd: Float[np.ndarray, " T"],
     least: float,
     unit: Unit,
+    first: int = 0,
 ) -> list[MotionEvent]:
     """Peaks of a curve (valleys of a `smallest`) of a least prominence, within the frames in which
-    it is one standard deviation from its extreme at most."""
+    it is one standard deviation from its extreme at most; first: the curve's first frame."""
     sign = -1 if kind == "smallest" else 1
     events = []
     for index, value in _peaks(sign * curve, least):
         spread = float(sd[round(index)])
         low, high = _within(sign * curve, index, value - spread)
-        events.append(MotionEvent(kind, name, index, low, high, sign * value, spread, unit))
+        moments = first + index, first + low, first + high
+        events.append(MotionEvent(kind, name, *moments, sign * value, spread, unit))
     return events
 
 

@@ -16,7 +16,6 @@ forearm is turned by the elbow and the twist of the wrist (`segments`).
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -35,7 +34,7 @@ from imocap_core.biomechanics.segments import (
     twist_about,
     twist_gradient,
 )
-from imocap_core.conventions import SIDES, SMPL_JOINTS, SMPL_PARENTS, Side
+from imocap_core.conventions import SIDES, SMPL_JOINTS, SMPL_PARENTS, Side, mirror_indices
 
 Angles = Float[np.ndarray, "T 3"]
 Y = np.array([0.0, 1.0, 0.0])
@@ -220,11 +219,7 @@ def _angles_of(
     }
 
 
-OTHER = {"left_": "right_", "right_": "left_"}
-TWINS = [  # of each joint its counterpart on the other side
-    ANATOMICAL_JOINTS.index(re.sub("left_|right_", lambda side: OTHER[side[0]], joint))
-    for joint in ANATOMICAL_JOINTS
-]
+TWINS = list(mirror_indices(ANATOMICAL_JOINTS))
 PAIRED_FROM = 3  # pelvis, trunk and neck have no twin
 
 

@@ -30,7 +30,7 @@ from imocap_core.biomechanics.joint_angles import (
     joint_angles_rad,
     yxy_everywhere,
 )
-from imocap_core.biomechanics.segments import global_rotations, rest_axes
+from imocap_core.biomechanics.segments import global_rotations, joint_index, rest_axes
 from imocap_core.body.kinematics import LIMB_SEGMENTS, MIDDLE_SEGMENTS
 from imocap_core.conventions import SIDES, SMPL_JOINTS, Side
 
@@ -132,7 +132,7 @@ def _add(
     side: Side,
 ) -> None:
     parent = None if of.proximal is None else links[_name(of.proximal, prefix)]
-    origin = np.mean([rest_m[_index(c, prefix)] for c in ORIGINS[of.distal]], axis=0)
+    origin = np.mean([rest_m[joint_index(c, side)] for c in ORIGINS[of.distal]], axis=0)
     links[prefix + of.distal] = Link(
         segment=prefix + of.distal,
         joint=prefix + joint,
@@ -157,10 +157,6 @@ def _rotations(prefix: str, joint: str, of: JointDefinition) -> tuple[Coordinate
 
 def _name(segment: str, prefix: str) -> str:
     return prefix + segment if segment in SIDED else segment
-
-
-def _index(joint: str, prefix: str) -> int:
-    return SMPL_JOINTS.index(joint if joint in SMPL_JOINTS else prefix + joint)
 
 
 DEFINED_EVERYWHERE = DECOMPOSITIONS | {YXY: yxy_everywhere}

@@ -43,7 +43,6 @@ from imocap_core.biomechanics.segments import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SIDES, SMPL_JOINTS
-from imocap_core.conventions import SMPL_JOINTS as NAMES
 from imocap_core.motion.state import TWINS
 from imocap_core.result.body import posed_joints
 
@@ -56,7 +55,7 @@ def pose(**turns: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "1 24 3 3"]:
     R = np.tile(np.eye(3), (1, 24, 1, 1))
     for joint, axis_deg in turns.items():
         turn = Rotation.from_rotvec(np.radians(axis_deg)).as_matrix()
-        R[0, NAMES.index(joint)] = turn
+        R[0, SMPL_JOINTS.index(joint)] = turn
     return R
 
 
@@ -129,7 +128,7 @@ def test_bowing_is_trunk_flexion_and_leaning_the_whole_body_pelvic_tilt() -> Non
 
 @pytest.mark.parametrize("joint", ["elbow", "wrist"])
 def test_a_twist_of_the_forearm_is_pronation_wherever_the_model_has_it(joint: str) -> None:
-    axis = REST[NAMES.index("right_wrist")] - REST[NAMES.index("right_elbow")]
+    axis = REST[SMPL_JOINTS.index("right_wrist")] - REST[SMPL_JOINTS.index("right_elbow")]
     turned = changes(pose(**{f"right_{joint}": -35 * axis / np.linalg.norm(axis)}))
     assert turned == {"right_elbow_pronation": pytest.approx(35, abs=0.2)}
 
@@ -137,12 +136,8 @@ def test_a_twist_of_the_forearm_is_pronation_wherever_the_model_has_it(joint: st
 def test_a_mirrored_pose_has_the_angles_of_the_other_side() -> None:
     rng = np.random.default_rng(3)
     vectors = rng.normal(size=(24, 3)) * 25
-    R = pose(**dict(zip(NAMES, vectors, strict=True)))
-    sides = {"left_": "right_", "right_": "left_"}
-    other = [
-        next((sides[s] + j.removeprefix(s) for s in sides if j.startswith(s)), j) for j in NAMES
-    ]
-    mirrored = MIRROR @ R[:, [NAMES.index(j) for j in other]] @ MIRROR
+    R = pose(**dict(zip(SMPL_JOINTS, vectors, strict=True)))
+    mirrored = MIRROR @ R[:, TWINS] @ MIRROR
     one, two = angles(R), angles(mirrored)
     for name, value in one.items():
         if name.startswith("left_"):
@@ -245,8 +240,7 @@ def test_the_pelvis_errs_by_the_world_s_tilt_and_its_camera_too() -> None:
 def test_covariances_in_a_mirror_are_those_of_the_mirrored_pose() -> None:
     rng = np.random.default_rng(4)
     root = rng.normal(size=(72, 72))
-    flip = np.diag([-1.0, 1.0, 1.0])
-    mirrored = (flip @ POSES @ flip)[:, TWINS]
+    mirrored = (MIRROR @ POSES @ MIRROR)[:, TWINS]
     # increments of the twin, reflected: axial vectors turn the other way about the two other axes
     of_mirror = np.kron(np.eye(24)[TWINS], np.diag([1.0, -1.0, -1.0])) @ root
     rest = RANDOM_REST[TWINS] * [-1, 1, 1]

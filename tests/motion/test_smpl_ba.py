@@ -187,9 +187,7 @@ def test_unmatched_frames_get_a_pose_too(made: Made) -> None:
 
 def test_one_video_keeps_its_monocular_motion(made: Made) -> None:
     alone = in_own_axes(made).rows(torch.tensor([0]))
-    maps, trust = [np.arange(float(FRAMES))], [np.ones(FRAMES)]
-    timeline, own = make_timeline(maps, trust, FRAMES), made.observations[:1]
-    one = replace(whole(made), observations=own, timeline=timeline, confidences=trust)
+    one = whole(replace(made, observations=made.observations[:1]))
     found = solve_jointly(one, alone, OPTIONS)
     assert found.state is alone
     assert "one video" in found.status
@@ -341,14 +339,11 @@ def four_views() -> Made:
 
 def assumed(four_views: Made, spread: float) -> Scene:
     """Wrong focal lengths with a prior of this spread."""
-    maps = [np.arange(float(FRAMES)) for _ in TURNS_DEG]
-    trust = [np.ones(FRAMES) for _ in TURNS_DEG]
     seen = [
         replace(o, K=o.K @ np.diag([off, off, 1.0]), focal_spread=spread)
         for o, off in zip(four_views.observations, OFF, strict=True)
     ]
-    timeline = make_timeline(maps, trust, FRAMES)
-    return Scene(four_views.body, wide_prior(), seen, timeline, trust, 0, WEIGHTS)
+    return whole(replace(four_views, observations=seen))
 
 
 def start_at_wrong_focals(four_views: Made) -> MotionState:

@@ -27,7 +27,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.gauss_newton import HALVES, Solution, gauss_newton
-from imocap_core.motion.monocular.fit import Progress
+from imocap_core.motion.monocular.fit import ESTIMATE_SIGMAS, Progress
 from imocap_core.motion.multiview.modes import lasting_m, mode_shifts, spread_beyond_noise_m
 from imocap_core.motion.multiview.scene import (
     TOLERANCE,
@@ -248,9 +248,6 @@ def with_keypoint_spread(
     sigma2 = keypoints.sigma_px[..., None] ** 2
     weight = keypoints.weight * sigma2 / (sigma2 + spread_px**2)
     return replace(views, keypoints=replace(keypoints, weight=weight))
-
-
-ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
 
 
 def estimate_terms(scene: Scene, template: Tensor, options: MotionParams) -> list[Term]:
