@@ -111,30 +111,17 @@ def derivatives(
 
 
 ROBUST_SIGMAS = 1.0  # Cauchy scale, in standard deviations of a detection or a bone
-
-
-@dataclass(frozen=True)
-class EventSpreads:
-    """Standard deviations of a calibration from one event.
-
-    bias_share: of a detector's constant error at one point of one video, as a share of the person's
-    size. bone_noise_m: of a bone's length, as detected, about its mean; bone_length_spread_m: of
-    that mean about the bone's length in the body. common_focal_spread: of the logarithms of unknown
-    focal lengths about their mean, among cameras whose pictures have one size. distortion_spread:
-    of a lens's radial distortion (coefficient of the squared distance from the middle, in focal
-    lengths); one below three standard deviations of its estimate counts as none. rate_spread: of
-    the logarithm of a video's frame rate against its header's.
-    """
-
-    bias_share: float = 0.02
-    bone_noise_m: float = 0.01
-    bone_length_spread_m: float = 0.05
-    common_focal_spread: float = 0.07
-    distortion_spread: float = 0.05
-    rate_spread: float = 0.001
-
-
-SPREADS = EventSpreads()
+# Standard deviations: of a detector's constant error at one point of one video, as a share of the
+# person's size; of a bone's length, as detected, about its mean; of that mean about the bone's
+# length in the body; of the logarithms of unknown focal lengths about their mean, among cameras
+# whose pictures have one size; of a lens's radial distortion (coefficient of the squared distance
+# from the middle, in focal lengths); of the logarithm of a video's frame rate against its header's.
+BIAS_SHARE = 0.02
+BONE_NOISE_M = 0.01
+BONE_LENGTH_SPREAD_M = 0.05
+COMMON_FOCAL_SPREAD = 0.07
+DISTORTION_SPREAD = 0.05
+RATE_SPREAD = 0.001
 
 
 @dataclass(frozen=True)
@@ -161,7 +148,6 @@ class EventProblem:
     prior: CameraRig
     offset_sd: Float[np.ndarray, " M"]
     fixed_distortion: Bool[np.ndarray, " M"]
-    spreads: EventSpreads = SPREADS
 
     def samples(self, rig: CameraRig) -> KeypointSamples:
         """The keypoints at the rig's offsets and rates."""
@@ -180,7 +166,7 @@ class EventProblem:
         self, rig: CameraRig
     ) -> tuple[float, Float[np.ndarray, "M C M C"], Float[np.ndarray, "M C"]]:
         """Cost, curvature and gradient of the priors of the cameras' columns."""
-        M, spread = len(self.videos), self.spreads
+        M = len(self.videos)
         away = np.zeros((M, CAMERA))
         away[:, FOCAL] = np.log(rig.focal_px / self.prior.focal_px)
         away[:, DISTORTION] = rig.distortion
@@ -189,9 +175,9 @@ class EventProblem:
         precision = np.zeros((M, CAMERA))
         free = self.focal_log_sd > 0
         precision[free, FOCAL] = self.focal_log_sd[free] ** -2.0
-        precision[:, DISTORTION] = spread.distortion_spread**-2
+        precision[:, DISTORTION] = DISTORTION_SPREAD**-2
         precision[:, OFFSET] = self.offset_sd**-2.0
-        precision[:, RATE] = spread.rate_spread**-2
+        precision[:, RATE] = RATE_SPREAD**-2
         curvature = np.zeros((M, CAMERA, M, CAMERA))
         videos, columns = np.indices((M, CAMERA))
         curvature[videos, columns, videos, columns] = precision
@@ -199,7 +185,7 @@ class EventProblem:
         cost = float((precision * away**2).sum())
         same = (self.alike[:, None] == self.alike) & free[:, None] & free
         centring = np.diag(free.astype(float)) - same / np.maximum(same.sum(axis=1), 1)
-        alike = centring / spread.common_focal_spread**2
+        alike = centring / COMMON_FOCAL_SPREAD**2
         log_f = np.log(rig.focal_px)
         curvature[:, FOCAL, :, FOCAL] += alike
         gradient[:, FOCAL] += alike @ log_f
@@ -207,13 +193,13 @@ class EventProblem:
 
     def cost(self, rig: CameraRig) -> float:
         """The objective: minus twice the logarithm of the posterior, up to a constant."""
-        samples, spread = self.samples(rig), self.spreads
+        samples = self.samples(rig)
         weight = visible(samples)
         squared = weight * (project(rig, samples).error_px ** 2).sum(-1)
         bones = bone_lengths(rig.points, placed(samples), self.bones)
-        off = np.where(bones.present, (bones.length_m - rig.lengths) / spread.bone_noise_m, 0.0)
-        biases = float((rig.bias**2).sum()) / spread.bias_share**2
-        from_body = ((rig.lengths - self.prior.lengths) / spread.bone_length_spread_m) ** 2
+        off = np.where(bones.present, (bones.length_m - rig.lengths) / BONE_NOISE_M, 0.0)
+        biases = float((rig.bias**2).sum()) / BIAS_SHARE**2
+        from_body = ((rig.lengths - self.prior.lengths) / BONE_LENGTH_SPREAD_M) ** 2
         robust = sum(cauchy(x, ROBUST_SIGMAS)[0].sum() for x in (squared, off**2))
         return float(robust) + biases + float(from_body.sum()) + self.prior_terms(rig)[0]
 
@@ -283,9 +269,9 @@ def reduced(problem: EventProblem, rig: CameraRig, damping: float = 0.0) -> Redu
     matrix[:first, :first] += curvature.reshape(first, first) + UNSEEN * np.eye(first)
     gradient[:first] += pull.ravel()
     biases = np.arange(first, last)
-    matrix[biases, biases] += problem.spreads.bias_share**-2
-    gradient[biases] += rig.bias.ravel() / problem.spreads.bias_share**2
-    lengths, precision = np.arange(last, unknowns), problem.spreads.bone_length_spread_m**-2
+    matrix[biases, biases] += BIAS_SHARE**-2
+    gradient[biases] += rig.bias.ravel() / BIAS_SHARE**2
+    lengths, precision = np.arange(last, unknowns), BONE_LENGTH_SPREAD_M**-2
     matrix[lengths, lengths] += precision
     gradient[lengths] += precision * (rig.lengths - problem.prior.lengths)
     fixed = np.zeros(unknowns, dtype=bool)
@@ -348,7 +334,7 @@ def _add_bones(
     bones = bone_lengths(rig.points, present, problem.bones)
     N, first = len(rig.points), len(block.gradient) - len(problem.bones)
     off = bones.length_m - rig.lengths
-    precision = problem.spreads.bone_noise_m**-2
+    precision = BONE_NOISE_M**-2
     robust = cauchy(precision * off**2, ROBUST_SIGMAS)[1]
     weight = np.where(bones.present, precision * robust, 0.0)
     points = block.points.reshape(N, -1, 3, block.points.shape[1] // 3, 3)

@@ -42,19 +42,15 @@ class LeastSquares(Protocol[State, Equations]):
 
     def cost(self, state: State) -> Float[np.ndarray, " B"]:
         """The objective of each row."""
-        ...
 
     def linearise(self, state: State) -> Equations:
         """The normal equations of all rows at a state."""
-        ...
 
     def trial(self, state: State, equations: Equations, damping: Float[np.ndarray, " B"]) -> State:
         """The state after the damped step (Marquardt's scaling)."""
-        ...
 
     def choose(self, better: Bool[np.ndarray, " B"], trial: State, state: State) -> State:
         """The trial in the rows that are better there, else the state."""
-        ...
 
 
 @dataclass(frozen=True)

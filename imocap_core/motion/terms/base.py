@@ -24,15 +24,12 @@ class Term(Protocol):
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion of the batch."""
-        ...
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Add ``J^T W J`` and ``J^T W r`` of this term at ``state``."""
-        ...
 
     def of(self, v: int, frames: int) -> Term:
         """The term of motion ``v`` alone (batch of 1), for its first frames."""
-        ...
 
 
 _T = TypeVar("_T")
