@@ -112,11 +112,16 @@ def log(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 3"]:
     Computed by the quaternion, so it is accurate near 0 and near pi alike. At exactly pi the
     axis' sign is arbitrary: use `nearest_branch` to follow a path.
     """
-    if not for_processor(rotation):
-        return quaternion_to_axis_angle(matrix_to_quaternion(rotation))
-    vectors = rotation.new_empty(rotation.shape[:-1])
-    _logarithms(rotation.reshape(-1, 9).contiguous().numpy(), vectors.view(-1, 3).numpy())
-    return vectors
+    if for_processor(rotation):
+        vectors = rotation.new_empty(rotation.shape[:-1])
+        _logarithms(rotation.reshape(-1, 9).contiguous().numpy(), vectors.view(-1, 3).numpy())
+        return vectors
+    w, vector = matrix_to_quaternion(rotation).split([1, 3], -1)
+    sine2 = (vector * vector).sum(-1, keepdim=True)
+    small = sine2 < _SMALL_RAD2**2
+    sine = torch.where(small, torch.ones_like(sine2), sine2).sqrt()
+    scale = torch.where(small, (2 - 2 * sine2 / (3 * w * w)) / w, 2 * torch.atan2(sine, w) / sine)
+    return scale * vector
 
 
 @compiled
@@ -167,17 +172,6 @@ def matrix_to_quaternion(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, ".
     quaternion = rows.gather(-2, index).squeeze(-2)
     quaternion = quaternion / quaternion.norm(dim=-1, keepdim=True)
     return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
-
-
-def quaternion_to_axis_angle(quaternion: Float[Tensor, "... 4"]) -> Float[Tensor, "... 3"]:
-    """Unit quaternions w, x, y, z to axis-angle vectors, radians, at most pi long."""
-    quaternion = torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
-    w, vector = quaternion[..., :1], quaternion[..., 1:]
-    sine2 = (vector * vector).sum(-1, keepdim=True)
-    small = sine2 < _SMALL_RAD2**2
-    sine = torch.where(small, torch.ones_like(sine2), sine2).sqrt()
-    scale = torch.where(small, (2 - 2 * sine2 / (3 * w * w)) / w, 2 * torch.atan2(sine, w) / sine)
-    return scale * vector
 
 
 def geodesic_angle(
