@@ -18,7 +18,6 @@ from imocap_core.motion import event_rig
 from imocap_core.motion.event_calibration import EventCalibration, EventProblem, Progress, calibrate
 from imocap_core.motion.event_clock import Clock, clock_of
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, mean_change
-from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import Cameras, JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import common_then_deviations
 from imocap_core.motion.observations import Observation
@@ -104,7 +103,7 @@ def calibrated_round(
     K, R, t = (torch.as_tensor(x).to(motion.cameras.R) for x in (rig.K, rig.R, rig.t))
     cameras = Cameras(R, t, K)
     straight = replace(scene, observations=_undistorted(scene.observations, rig))
-    scene = with_sides_of_others(straight.with_intrinsics(cameras), motion.state, cameras)
+    scene = straight.with_intrinsics(cameras)
     begun = scene, motion.state, cameras, replace(problem.options, objective="single"), progress
     again = common_then_deviations(*begun, cameras_known=True)
     before, after = ([m.reference_frame for m in x.maps] for x in (first.sync, sync))

@@ -43,7 +43,7 @@ def predicted_by_others(
     """Each video's keypoints from the motion of the other videos.
 
     Args:
-        scene: two videos or more, with sides and intrinsics as solved; motion: its solution.
+        scene: two videos or more, with intrinsics as solved; motion: its solution.
     """
     assert motion.common is not None
     assert motion.spread is not None

@@ -1,32 +1,24 @@
-"""What the other videos' motion says of a video: its limbs, its left and right.
+"""What the other videos' motion says of a video's limbs.
 
 A video's keypoints are held against the other videos' motion, at corresponding moments. Its own
 motion does not vote, so that an error does not confirm itself. A joint that the detector was not
 sure of and that lies elsewhere than the others expect it is detected again. What it is sure of is
 kept: where performances differ, the others contradict it too.
-
-Exchanged sides of the whole body look, to one view, like a performer who faces the other way, and
-exchanged legs like other steps. What lasts is taken for that: facing is a question of the video's
-motion, and a detector that exchanges sides does so for some frames.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from imocap_core.body.layouts import point_shares
 from imocap_core.camera.projection import project_camera
-from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.scene import Cameras, Scene
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
-from imocap_core.sequences import runs, viterbi
-from imocap_core.sync.screening.registration import Keypoints2D, matched_residuals
 
 
 @dataclass(frozen=True)
@@ -126,55 +118,3 @@ def contradicted(
     limbs = np.array([name.partition("_")[2] in LIMB_JOINTS for name in names])
     doubted = (observation.confidence > 0) & (observation.confidence < SURE) & limbs
     return doubted & (np.nan_to_num(away) > expected.limit_px)
-
-
-_RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
-_EXCHANGED, _CHANGE = (0.0, 0.1, 0.1), (0.0, 0.5, 1.0)  # costs: of a state, of going there or back
-_FLOOR = 0.1  # share of the keypoints' spread by which performances differ with the right sides
-_LONGEST_S = 0.6  # who lastingly seems to have the sides exchanged faces another way
-_LEGS = ("hip", "knee", "ankle", "foot", "toe", "heel")  # parts of their keypoints' names
-
-
-def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
-    """The scene with left and right exchanged where a detector took them for each other.
-
-    Each frame's keypoints are as detected, with exchanged legs, or exchanged as a whole, whichever
-    the others' motion explains best (Viterbi), for a while. Arguments as of `expected_by_others`.
-    """
-    if len(scene.observations) <= LEAST_OTHERS:
-        return scene
-    names, R = scene.body.keypoints.names, cameras.R.cpu().numpy()
-    twins = np.array(mirror_indices(names))
-    legs = np.array([any(word in name for word in _LEGS) for name in names])
-    orders = [np.arange(len(names)), np.where(legs, twins, np.arange(len(names))), twins]
-    observations = []
-    rows = zip(scene.observations, poses_of_others(scene, state, R), strict=True)
-    for v, (o, others) in enumerate(rows):
-        weight = np.where(others.count[:, None] > 0, o.confidence, 0.0) * point_shares(names)
-        states = _states(others.mean_m @ R[v].T, o.xy_px, weight, orders, o.fps)
-        order = np.array(orders)[states]
-        xy_px = np.take_along_axis(o.xy_px, order[..., None], axis=1)
-        confidence = np.take_along_axis(o.confidence, order, axis=1)
-        observations.append(replace(o, xy_px=xy_px, confidence=confidence))
-    return replace(scene, observations=observations)
-
-
-def _states(
-    pose: Float[np.ndarray, "T K 3"],
-    xy_px: Float[np.ndarray, "T K 2"],
-    weight: Float[np.ndarray, "T K"],
-    orders: Sequence[Int[np.ndarray, " K"]],
-    fps: float,
-) -> Int[np.ndarray, " T"]:
-    """Which order of the keypoints a pose in the camera's axes explains best, in each frame."""
-    costs = np.zeros((len(pose), len(orders)))
-    for state, order in enumerate(orders):
-        films = Keypoints2D(xy_px[:, order], weight[:, order])
-        residual = matched_residuals(pose, films)(np.eye(3)[None, :2])[0]
-        costs[:, state] = np.log(residual + _FLOOR) + _EXCHANGED[state]
-    costs *= min(1.0, _RATE_PER_S / fps)
-    change = np.maximum.outer(_CHANGE, _CHANGE) * (1.0 - np.eye(len(_CHANGE)))
-    states = viterbi(costs[0], change + costs[1:, None])
-    for first, last in runs(states > 0, round(_LONGEST_S * fps) + 1):
-        states[first : last + 1] = 0
-    return states

@@ -21,7 +21,6 @@ from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common_motion import CommonFit, fit_in_stages
 from imocap_core.motion.multiview.low_rank import alternated
 from imocap_core.motion.multiview.per_video import fit_deviations, follow_common
-from imocap_core.motion.multiview.repair import with_sides_of_others
 from imocap_core.motion.multiview.scene import (
     Cameras,
     JointMotion,
@@ -132,7 +131,7 @@ def solve_jointly(
         return alternated(scene, start, options, progress)
     if options.objective == "shared":
         return recover_motion(scene, start, options, progress, cameras=cameras, restart=restart)
-    begun = *_begun(scene, start, cameras), options, progress
+    begun = scene, *_begun(scene, start, cameras), options, progress
     return common_then_deviations(*begun, restart=restart or cameras is None)
 
 
@@ -149,18 +148,17 @@ def recover_motion(
     beyond the reference. Arguments as of `solve_jointly`, of two videos or more."""
     begins = cameras is None
     scene, axis = continued(scene)
-    begun = *_begun(scene, start, cameras), options, progress
+    begun = scene, *_begun(scene, start, cameras), options, progress
     motion = common_then_deviations(*begun, restart=restart or begins, with_modes=not begins)
     return within_reference(motion, axis)
 
 
 def _begun(
     scene: Scene, start: MotionState, cameras: Cameras | None
-) -> tuple[Scene, MotionState, Cameras]:
-    """The scene with the sides put right, the motions with one shape a performer, the cameras."""
+) -> tuple[MotionState, Cameras]:
+    """The motions with one shape a performer, and the cameras."""
     state = shared_shapes(start, scene.performers)
-    cameras = cameras or cameras_from_motion(scene, state, scene.K.to(state.trans))
-    return with_sides_of_others(scene, state, cameras), state, cameras
+    return state, cameras or cameras_from_motion(scene, state, scene.K.to(state.trans))
 
 
 def common_then_deviations(
