@@ -57,7 +57,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
     ctx.progress(0.9, "each video predicted by the others")
     release_if_large()
     left_out = uncertainty.leave_one_out_of(groups, inputs.get(InitialSmpl).limb_errors)
-    return uncertainty.uncertainty_of(posteriors, keypoints, refined, left_out, params.uncertainty)
+    return uncertainty.uncertainty_of(posteriors, keypoints, refined, left_out)
 
 
 def _begin(ctx: Context, done: float, videos: str, what: str) -> None:

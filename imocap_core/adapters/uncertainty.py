@@ -32,7 +32,6 @@ from imocap_core.motion.monocular.fit import Prediction
 from imocap_core.motion.multiview.leave_one_out import predicted_by_others
 from imocap_core.motion.observability import AZIMUTHS_DEG, ViewpointReport, weak_spans
 from imocap_core.motion.state import MotionState
-from imocap_core.params import UncertaintyParams
 
 _WEAK_LIMIT = 2.0  # times the action's median: more is an ill-determined joint
 REPORTED = [SMPL_JOINTS.index(name) for name in EVAL_14]  # hands, toes, collars: hardly observed
@@ -110,7 +109,6 @@ def uncertainty_of(
     keypoints: Keypoints,
     refined: RefineSync,
     left_out: Sequence[PredictedVideo],
-    params: UncertaintyParams,
 ) -> Uncertainty:
     """The artifact: the groups' posteriors as filmed, and ill-determined joints and phases.
 

@@ -378,7 +378,7 @@ def prior_cost(
     wrist = vectors / weights.wrist_rad
     turn = torch.linalg.inv(right_jacobian(vectors)) / weights.wrist_rad
     offset = state.offset_m.flatten(2) / weights.offset_m
-    pose = _pose_rows(state.angles, skeleton.spread) * weights.pose_prior
+    pose = _pose_rows(skeleton.spread) * weights.pose_prior
     rest = state.angles @ pose.T
     over = torch.relu(state.angles - skeleton.upper) - torch.relu(skeleton.lower - state.angles)
     over = over / weights.limit_rad
@@ -398,7 +398,7 @@ def prior_cost(
     return (used * total).sum(1)
 
 
-def _pose_rows(angles: Tensor, spread: Tensor) -> Tensor:
+def _pose_rows(spread: Tensor) -> Tensor:
     """(25, 21): each angle by its spread, and the end joints against those before them."""
     rows = [*torch.diag(1 / spread)]
     for f in range(4):

@@ -116,12 +116,12 @@ class Course:
         moved evenly through several, or where somebody was new before, an earlier one is looked at
         first."""
         *waiting, last = pictures
-        if not waiting:
-            now, overlooked = self._looked(last, frame)
-            return [now], overlooked
-        if not all(person.is_established for person in self._people):
+        if waiting and not all(person.is_established for person in self._people):
             return self._one_after_another(pictures, 1, frame)
         followed = self._followed(last, frame, self._people)
+        if not waiting:
+            now, overlooked = self._taken(last, followed)
+            return [now], overlooked
         is_complete = len(merged(followed, [])) == len(self._people)
         gap = len(pictures)
         if is_complete and (gap == 2 or all(is_even(person.looks, gap) for person in followed)):
@@ -163,14 +163,11 @@ class Course:
         ]
         return bodies, people
 
-    def _looked(self, picture: Pyramid, frame: int) -> tuple[list[Landmarks], Earlier]:
-        """Everybody in a picture, and the people overlooked in those before."""
-        return self._taken(picture, self._followed(picture, frame, self._people))
-
     def _taken(
         self, picture: Pyramid, followed: Sequence[FollowedPerson]
     ) -> tuple[list[Landmarks], Earlier]:
-        """The same, given the people of the last picture in this one."""
+        """Everybody in a picture, given the people of the last one in it, and the people overlooked
+        in those before."""
         people = merged(followed, [])
         self._until_boxes -= 1
         is_lost = not people or bool(self._lost(people))
