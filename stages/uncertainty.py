@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
 from imocap_core.adapters import uncertainty
 from imocap_core.adapters.joint import SolvedGroup, is_one_motion, solved_groups
 from imocap_core.adapters.redetection import with_second_look
@@ -81,11 +79,12 @@ def posterior_of(
     lasting_m = uncertainty.lasting_residual_m(group)
     joints = partial(claimed_covariance_m2, one_motion=one_motion, lasting_m=lasting_m)
     rotations = partial(claimed_rotations_deg2, one_motion=one_motion, lasting_m=lasting_m)
+    deviations = partial(claimed_rotations_deg2, one_motion=False, lasting_m=0.0)
     return uncertainty.GroupPosterior(
         group.problem.participants,
         [joints(x) for x in posterior.covariances_m2],
         [rotations(x) for x in posterior.rotations_rad2],
-        [np.degrees(np.degrees(x)) for x in posterior.deviations_rad2],
+        [deviations(x) for x in posterior.deviations_rad2],
         [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
         viewpoints,
     )
