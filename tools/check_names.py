@@ -22,14 +22,14 @@ CORE = "imocap_core"
 # They may only fall: a change that needs more room removes something.
 BUDGETS = {
     "files of the core": 334,
-    "lines of the core": 69_164,
+    "lines of the core": 68_883,
     "packages of the core": 40,
-    "public names of the core": 3_879,
+    "public names of the core": 3_869,
     "lines of the core's longest function": 77,
     "arguments of a function of the core": 14,
     "functions of the core with more than 8 arguments": 11,
-    "lines of the tests": 41_175,
-    "words of the documentation": 37_575,  # of all pages but the changelog, as `wc -w` counts
+    "lines of the tests": 41_029,
+    "words of the documentation": 37_538,  # of all pages but the changelog, as `wc -w` counts
 }
 MANY_ARGUMENTS = 8
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})
